@@ -1,6 +1,7 @@
 """Memory terms with kernels other than Caputo's: the same numbers by other means."""
 
 import itertools
+import math
 
 import numpy as np
 import pytest
@@ -135,6 +136,56 @@ def test_collocation_solves_the_same_system(name, kernel):
     for rtol in (1e-6, 1e-10):
         sol = hd.solve(made(name, kernel), 10.0, rtol=rtol, scheme=hd.Collocation())
         assert abs(sol.y[-1, 0] - exact) < rtol
+
+
+# a ramp from t = 5 on, so steep that modes are refined there
+SLOPE = 1e6
+RATES, INTEGRATED = np.array(PAIRS.rates), np.array(PAIRS.weights) / np.array(PAIRS.rates)
+
+
+def order(t):
+    return 0.4 + 0.2 * math.sin(t)
+
+
+def ramped(t, y):
+    since = max(t - 5.0, 0.0)
+    remembered = (INTEGRATED * (1.0 - np.exp(-RATES * since))).sum().real
+    return 1.0 + SLOPE * (since + since**0.3 / math.gamma(1.3) + remembered) - y
+
+
+def ramped_with_more(t, y):
+    since, a = max(t - 5.0, 0.0), 0.4 + 0.2 * math.sin(t)
+    return ramped(t, y) + SLOPE * since ** (1.0 - a) / math.gamma(2.0 - a)
+
+
+# the second with an order that varies, whose modes lie between those of powers and pairs
+RAMPS = {
+    "constant orders": (hd.Caputo(0.7), ramped),
+    "one that varies": (hd.Caputo(0.7) + hd.Caputo(order), ramped_with_more),
+}
+
+
+@pytest.mark.parametrize(
+    ("name", "way", "allowed"),
+    [
+        ("constant orders", {"rtol": 1e-5}, 1e-5),
+        ("constant orders", {"rtol": 1e-7}, 1e-7),
+        ("one that varies", {"rtol": 1e-7}, 1e-7),
+        # it makes no error on straight lines, so what remains is that of the modes
+        ("constant orders", {"n_steps": 1000, "scheme": hd.L1()}, 1e-9),
+    ],
+    ids=str,
+)
+def test_both_engines_follow_a_ramp_by_pairs_beside_power_laws(name, way, allowed):
+    """And both miss it where the weights have the other phase."""
+    other, errors = hd.Prony(PAIRS.rates, np.conj(PAIRS.weights)), []
+    for kernel in (PAIRS, other):
+        terms, rhs = RAMPS[name]
+        sol = hd.solve(hd.Equation(terms + hd.Memory(kernel, 1), rhs, 1.0), 10.0, **way)
+        exact = 1.0 + SLOPE * np.maximum(sol.t - 5.0, 0.0)
+        errors.append(np.abs(sol.y[:, 0] - exact).max() / exact[-1])
+    assert errors[0] < allowed
+    assert errors[1] > 0.01
 
 
 @pytest.mark.parametrize(("leading", "m"), [(1, 1), (2, 2), (1.8, 1), (2, 1)])

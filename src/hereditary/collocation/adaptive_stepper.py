@@ -238,13 +238,13 @@ class KeptTables:
         """Return a table for these modes on s nodes, and what it is to be given back with."""
         n_kernels = basis.masses.size - n_varying
         of_kernels = basis.weights[basis.weights.shape[0] - basis.masses.size :][:n_kernels]
-        parts = basis.rates, basis.gains, of_kernels, basis.masses[:n_kernels]
+        parts = basis.rates, basis.pairs, of_kernels, basis.masses[:n_kernels]
         key = s, n_varying, *(part.tobytes() for part in parts)
         with self._lock:
             for place in reversed(range(len(self._kept))):
                 if self._kept[place][0] == key:
                     return self._kept.pop(place)
-        return key, empty_tables(basis.rates.size, s, basis.masses.size)
+        return key, empty_tables(basis.weights.shape[1], s, basis.masses.size)
 
     def give_back(self, taken):
         """Keep what `take` returned for a later march."""
@@ -397,7 +397,7 @@ class AdaptiveStepper(ResumableStepper, TangentStepper, JumpingStepper):
     @property
     def n_modes(self):
         """Number of exponentials whose sums carry the past of each component."""
-        return self._orbit.rates.size
+        return self._orbit.bank.n_modes
 
     def _steps(self, t_stop):
         """March towards `t_stop` by as many steps as one call makes; return their dense output."""
@@ -487,8 +487,7 @@ class AdaptiveStepper(ResumableStepper, TangentStepper, JumpingStepper):
     def _march_on(self, steps, limits):
         """March by ordinary steps; return the status."""
         orbit = self._orbit
-        rates = orbit.rates.astype(complex)
-        basis = ExponentialBasis(rates, orbit.gains, orbit.weights, orbit.masses, self._transforms)
+        basis = orbit.basis(self._transforms)
         taken = _, tables = kept_tables.take(basis, self._s, len(self._form.varying))
         how = self._stages, self._rule, basis, tables, orbit.march_arrays()
         try:
@@ -559,13 +558,12 @@ class AdaptiveStepper(ResumableStepper, TangentStepper, JumpingStepper):
         n_kernels, d = len(form.kernels), self._marched.d
         local = np.array([convolutions(variable, kernel, h) for kernel in form.kernels])
         tables = StepTables(
-            np.array([h]), np.eye(n)[None], np.zeros((1, 2, n)), np.zeros((1, n, n)),
+            np.array([h]), np.eye(n)[None], np.zeros((1, n)), np.zeros((1, n, n)),
             local.reshape(1, n_kernels, n, n),
         )  # fmt: skip
-        ones = np.ones(n, dtype=complex)
         basis = ExponentialBasis(
-            ones, ones, np.zeros((form.orders.size + n_kernels, n)), np.zeros(n_kernels),
-            np.zeros((n, n, n)),
+            np.ones(n), np.zeros(0, complex), np.zeros((form.orders.size + n_kernels, n)),
+            np.zeros(n_kernels), np.zeros((n, n, n)),
         )  # fmt: skip
         values = np.zeros((orbit.x.shape[0], 3, d, n))
         arrays = OrbitArrays(orbit.initial, orbit.x, orbit.p, history, 0.0 * history, values)

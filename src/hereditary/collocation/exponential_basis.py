@@ -16,7 +16,7 @@ from scipy.special import rgamma
 
 from ..kernels.exponential_sum import fit_unit, grid_spacing
 from ..kernels.kernel_fits import RATIO_OF_VALUES
-from ..kernels.memory_kernel import NO_ERRORS, KernelErrors
+from ..kernels.memory_kernel import NO_ERRORS, ExponentialSum, KernelErrors
 from ..support.checks import complaint
 
 # General kernels are fitted down to this fraction of the closest distance, for a tolerance of 1.
@@ -132,11 +132,8 @@ class KernelBasis:
 
     Attributes
     ----------
-    rates, gains : ndarray, shape (M,)
-        Complex rates in conjugate pairs, and factors of the modes in the history
-        (collocation/mode_tables.py).
-    weights : ndarray, shape (n, M)
-        1 for complex rates, whose gains are the weights.
+    sums : tuple of ExponentialSum
+        One for each kernel.
     masses : ndarray, shape (n,)
         Integral of each kernel over smaller distances, less that of the sum; a point mass at 0.
     farthest : float
@@ -145,9 +142,7 @@ class KernelBasis:
         Largest relative errors of the sums.
     """
 
-    rates: np.ndarray
-    gains: np.ndarray
-    weights: np.ndarray
+    sums: tuple[ExponentialSum, ...]
     masses: np.ndarray
     farthest: float = math.inf
     errors: KernelErrors = NO_ERRORS
@@ -162,24 +157,16 @@ def kernel_basis(kernels, closest, farthest, t_end, tol):
         return NO_KERNELS
     starts = [_first_distance(kernel, closest, tol) for kernel in kernels]
     ends = [min(t_end if k.by_values else farthest, k.t_last) for k in kernels]
-    fits = [
+    fits = tuple(
         _fit(kernel, nearest, end, tol)
         for kernel, nearest, end in zip(kernels, starts, ends, strict=True)
-    ]
-    rates, gains = (np.concatenate([getattr(fit, name) for fit in fits]) for name in _PARTS)
-    turns = np.sign(rates.imag)
-    gains = np.where(turns == 0, 1.0, 2 * turns * gains)
-    weights, masses, offset = np.zeros((len(fits), rates.size)), np.zeros(len(fits)), 0
-    for k, (kernel, fit, nearest) in enumerate(zip(kernels, fits, starts, strict=True)):
-        own = slice(offset, offset + fit.rates.size)
-        weights[k, own] = np.where(turns[own] == 0, fit.weights.real, 1.0)
-        offset += fit.rates.size
-        masses[k] = float(kernel.integral(nearest) - fit.integral(nearest))
-    return KernelBasis(rates, gains, weights, masses, min(ends), KernelErrors.of(kernels, fits))
+    )
+    pieces = zip(kernels, fits, starts, strict=True)
+    masses = [float(kernel.integral(t) - fit.integral(t)) for kernel, fit, t in pieces]
+    return KernelBasis(fits, np.array(masses), min(ends), KernelErrors.of(kernels, fits))
 
 
-_PARTS = "rates", "weights"
-NO_KERNELS = KernelBasis(np.zeros(0), np.zeros(0), np.zeros((0, 0)), np.zeros(0))
+NO_KERNELS = KernelBasis((), np.zeros(0))
 
 
 def _first_distance(kernel, closest, tol):

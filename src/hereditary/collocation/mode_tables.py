@@ -2,11 +2,7 @@
 
 The modes are read at the nodes of a step and advanced to its end by factors that depend on its
 length alone. Lengths lie on a grid (`floor_to_grid`), so few of them occur in a run. The factors of
-each are stored in a slot of a table.
-
-A conjugate pair of rates has two real modes, which decay and turn together. They are the real part
-of the complex mode of the rate with a positive imaginary part, and the imaginary part of the
-other's.
+each are stored in a slot of a table. The order of modes is that of kernels/mode_bank.py.
 """
 
 import math
@@ -14,7 +10,7 @@ import math
 import numpy as np
 
 from ..compiled.jit import allocating, inner, plug_in
-from ..compiled.linalg import add_rows, clear, clear_matrix, put
+from ..compiled.linalg import add_rows, clear, clear_matrix, multiply_modes, put
 from .operators import first_of_kind, number_of
 from .structures import ModeWeights, StepTables
 
@@ -46,7 +42,7 @@ def empty_weights(equations, modes, n_integrands, s):
 
 def empty_tables(n_modes, s, n_kernels):
     """Allocate tables that hold the factors of no length yet."""
-    slots = (SLOTS, n_modes, s), (SLOTS, 2, n_modes), (SLOTS, s, n_modes), (SLOTS, n_kernels, s, s)
+    slots = (SLOTS, n_modes, s), (SLOTS, n_modes), (SLOTS, s, n_modes), (SLOTS, n_kernels, s, s)
     return StepTables(np.zeros(SLOTS), *(np.empty(shape) for shape in slots))
 
 
@@ -70,19 +66,31 @@ def find_slot(h, nodes, basis, tables):
 @allocating
 def fill_slot(h, nodes, basis, tables, slot):
     """Compute the factors of a step of length h."""
-    rates, gains, weights, masses = basis.rates, basis.gains, basis.weights, basis.masses
-    tables.lengths[slot], moments = 0.0, np.empty(nodes.shape[0])
+    rates, pairs, s = basis.rates, basis.pairs, nodes.shape[0]
+    to_nodes, to_end, moments = tables.to_nodes[slot], tables.to_end[slot], tables.moments[slot]
+    tables.lengths[slot] = 0.0
+    real, turned = np.empty(s), np.empty(s, dtype=np.complex128)
     for m in range(rates.shape[0]):
-        for i in range(nodes.shape[0]):
-            tables.to_nodes[slot, m, i] = history_of_mode(rates[m], gains[m], h * nodes[i])
-        end = turning_decay(rates[m] * h)
-        tables.to_end[slot, 0, m], tables.to_end[slot, 1, m] = end.real, end.imag
-        set_moments(rates[m], h, moments)
-        put(moments, tables.moments[slot, :, m])
-    for k in range(masses.shape[0]):
-        kernel_weights = weights[weights.shape[0] - masses.shape[0] + k]
-        matrix = tables.local[slot, k]
-        set_kernel_matrix(h, nodes, basis, kernel_weights, masses[k], matrix)
+        for i in range(s):
+            to_nodes[m, i] = decay(rates[m] * (h * nodes[i]))
+        to_end[m] = decay(rates[m] * h)
+        exponential_legendre(rates[m] * h, s, real)
+        put(real, moments[:, m])
+    for n in range(pairs.shape[0]):
+        m, other = rates.shape[0] + n, rates.shape[0] + pairs.shape[0] + n
+        for i in range(s):
+            factor = turning_decay(pairs[n] * (h * nodes[i]))
+            to_nodes[m, i], to_nodes[other, i] = factor.real, -factor.imag
+        end = turning_decay(pairs[n] * h)
+        to_end[m], to_end[other] = end.real, end.imag
+        turning_legendre(pairs[n] * h, s, turned)
+        put(turned.real, moments[:, m])
+        put(turned.imag, moments[:, other])
+    n_kernels = basis.masses.shape[0]
+    first = basis.weights.shape[0] - n_kernels
+    for k in range(n_kernels):
+        weights, matrix = basis.weights[first + k], tables.local[slot, k]
+        set_kernel_matrix(h, nodes, basis, weights, basis.masses[k], matrix)
     tables.lengths[slot] = h
 
 
@@ -98,52 +106,32 @@ def turning_decay(z):
     return decay(z.real) * complex(math.cos(z.imag), -math.sin(z.imag))
 
 
-@inner
-def real_part(value, rate):
-    """Return the part of a complex value that counts for the real mode of this rate."""
-    return value.imag if rate.imag < 0.0 else value.real
-
-
-@inner
-def history_of_mode(rate, gain, t):
-    """Return the factor by which a mode enters the history at a time t later."""
-    if rate.imag == 0.0:
-        return decay(rate.real * t)
-    return real_part(gain * turning_decay(rate * t), rate)
-
-
-@allocating
-def set_moments(rate, h, out):
-    """Set out[k] to what a mode absorbs of the Legendre polynomial of degree k on a step."""
-    if rate.imag == 0.0:
-        exponential_legendre(rate.real * h, out.shape[0], out)
-    else:
-        moments = np.empty(out.shape[0], dtype=np.complex128)
-        turning_legendre(rate * h, out.shape[0], moments)
-        for k in range(out.shape[0]):
-            out[k] = real_part(moments[k], rate)
-
-
 @allocating
 def set_kernel_matrix(h, nodes, basis, weights, mass, out):
     """Set out[i, j], the weight of the value at node j in the convolution at node i, over one step.
 
-    The kernel is a sum of exponentials of these rates and weights, and a point mass at distance 0.
+    The kernel is a sum of exponentials with these weights, and a point mass at distance 0.
     """
-    s, rates, transforms = nodes.shape[0], basis.rates, basis.transforms
-    moments = np.empty(s)
+    # weights (M,), out (s, s)
+    rates, pairs, s = basis.rates, basis.pairs, nodes.shape[0]
+    real, turned, total = np.empty(s), np.empty(s, dtype=np.complex128), np.empty(s)
     clear_matrix(out)
-    for m in range(rates.shape[0]):
-        if weights[m] == 0.0:
-            continue
-        factor = weights[m] * history_of_mode(rates[m], basis.gains[m], 0.0)
-        for i in range(s):
-            set_moments(rates[m], h * nodes[i], moments)
-            for k in range(s):
-                weight = factor * h * nodes[i] * moments[k]
-                for j in range(s):
-                    out[i, j] += weight * transforms[i, k, j]
     for i in range(s):
+        t = h * nodes[i]
+        clear(total)
+        for m in range(rates.shape[0]):
+            if weights[m] != 0.0:
+                exponential_legendre(rates[m] * t, s, real)
+                for k in range(s):
+                    total[k] += weights[m] * t * real[k]
+        for n in range(pairs.shape[0]):
+            m = rates.shape[0] + n
+            weight = complex(weights[m], weights[m + pairs.shape[0]])
+            if weight != 0.0:
+                turning_legendre(pairs[n] * t, s, turned)
+                for k in range(s):
+                    total[k] += (weight * t * turned[k]).real
+        add_rows(out[i], total, basis.transforms[i])
         out[i, i] += mass
 
 
@@ -185,45 +173,24 @@ def read_nothing(m, slot, column):
 
 
 @inner
-def decay_modes(modes, to_end):
-    """Let modes (M,) decay over a step; pairs with complex rates also turn."""
-    turning = False
-    for m in range(modes.shape[0]):
-        turning |= to_end[1, m] != 0.0
-    if not turning:
-        for m in range(modes.shape[0]):
-            modes[m] *= to_end[0, m]
-        return
-    m = 0
-    while m < modes.shape[0]:
-        real, imag = to_end[0, m], to_end[1, m]
-        own = modes[m]
-        modes[m] *= real
-        if imag != 0.0:
-            m += 1
-            modes[m - 1] += imag * modes[m]
-            modes[m] = real * modes[m] - imag * own
-        m += 1
-
-
-@inner
 def advance_modes(m, h, slot, column):
     """Advance the modes over the step: decay, and absorb the integrands' polynomials on it.
 
     Row c absorbs integrands of component c modulo d; `column` is that of the orbit or a tangent.
     """
-    # to_end (2, M), moments (s, M), values (n_q, d, s), modes (R, M)
+    # to_end (M,), moments (s, M), values (n_q, d, s), modes (R, M)
     values, modes = m.orbit.last[column], m.orbit.modes[column]
     to_end, moments, legendre = m.tables.to_end[slot], m.tables.moments[slot], m.rule.legendre
     kinds, weights, offsets, used = m.equations.kinds, m.weights, m.weights.offsets, m.weights.used
-    integrands = weights.integrands
-    d, s, n_modes = values.shape[1], values.shape[2], to_end.shape[1]
-    part, coefficients, n_kinds = weights.part, weights.coefficients, number_of(kinds)
+    integrands, part, coefficients = weights.integrands, weights.part, weights.coefficients
+    d, s, n_kinds, n_real = values.shape[1], values.shape[2], number_of(kinds), m.basis.rates.size
     for c in range(modes.shape[0]):
         own, kind = modes[c], c // d * n_kinds + kinds[c % d]
-        decay_modes(own, to_end)
-        for n in range(n_modes if offsets.shape[1] > 0 else 0):
-            own[n] += h * offsets[column, c, n] * moments[0, n]
+        multiply_modes(own, to_end, n_real, own)
+        if offsets.shape[1] > 0:
+            multiply_modes(moments[0], offsets[column, c], n_real, part)
+            for n in range(part.shape[0]):
+                own[n] += h * part[n]
         for q in range(values.shape[0]):
             if used[kind, q] == 0:
                 continue
@@ -235,8 +202,9 @@ def advance_modes(m, h, slot, column):
                 coefficients[k] = h * total
             clear(part)
             add_rows(part, coefficients, moments)
-            for n in range(n_modes):
-                own[n] += of_integrand[n] * part[n]
+            multiply_modes(part, of_integrand, n_real, part)
+            for n in range(part.shape[0]):
+                own[n] += part[n]
 
 
 @inner

@@ -14,10 +14,11 @@ from scipy.special import rgamma
 
 from ..compiled.linalg import product
 from ..kernels.memory_kernel import NO_ERRORS
+from ..kernels.mode_bank import Bank
 from .exponential_basis import NO_KERNELS, NO_POWER_LAWS, kernel_basis, power_law_basis
 from .first_rule import LEFT_OUT, Variable, at_rule, graded_rule
 from .operators import ITSELF, SLOPE
-from .structures import Equations, OrbitArrays
+from .structures import Equations, ExponentialBasis, OrbitArrays
 from .varying import NOTHING_VARIES, varying_basis
 
 
@@ -41,16 +42,17 @@ class OrbitAndTangents:
         are constants subtracted from the integrand of each convolution term, in the steps to come.
     modes, before : ndarray, shape (1 + k, R, M)
         Modes of each row now and at the start of the last step. Rows of unweighted modes, d for
-        each integrand of varying orders, follow the others. Along the last axis the modes of power
-        laws come first, then those of general kernels, then those of varying orders.
+        each integrand of varying orders, follow the others. The last axis is that of `bank`.
     last : ndarray, shape (1 + k, 3 or 4, d, s)
         f, p and y, and p' where it is an integrand, at the nodes of the last ordinary step.
     power_laws : PowerLawBasis
     kernels : KernelBasis
     varying : VaryingBasis
-    rates, gains, of_varying : ndarray, shape (M,)
-        Rates of all modes; their factors in the history; 1 for the modes of varying orders, 0 for
-        others.
+    bank : Bank
+        The sums of power laws, general kernels and varying orders, in this order. The weights of
+        the last are 0.
+    of_varying : ndarray, shape (M,)
+        1 for the modes of varying orders, 0 for others.
     weights, masses : ndarray, shape (n_a + n_k, M) and (n_k,)
         Weights of the modes for each fractional integral and general kernel, and point masses of
         the kernels; varying orders, counted in n_k here, have zeros.
@@ -91,7 +93,7 @@ class OrbitAndTangents:
 
     def __getstate__(self):
         """Return the attributes without the form, whose functions may not pickle."""
-        left_out = ("rates", "gains", "weights", "masses", "of_varying", "_form")
+        left_out = ("bank", "weights", "masses", "of_varying", "_form")
         return {name: value for name, value in vars(self).items() if name not in left_out}
 
     def adopt(self, form):
@@ -100,18 +102,20 @@ class OrbitAndTangents:
         self._join()
 
     def _join(self):
-        """Concatenate the modes of the three bases."""
-        bases = (self.power_laws, self.kernels, self.varying)
-        self.rates = np.concatenate([basis.rates for basis in bases])
-        (n_a, m), (n_k, more) = self.power_laws.weights.shape, self.kernels.weights.shape
-        n_varying = len(self._form.varying)
-        self.gains = np.ones(self.rates.size, dtype=complex)
-        self.gains[m : m + more] = self.kernels.gains
-        self.weights = np.zeros((n_a + n_k + n_varying, self.rates.size))
-        self.weights[:n_a, :m] = self.power_laws.weights
-        self.weights[n_a : n_a + n_k, m : m + more] = self.kernels.weights
+        """Merge the three bases into one bank."""
+        n_varying, size = len(self._form.varying), self.varying.rates.size
+        varying = Bank(self.varying.rates, np.zeros((n_varying, size)))
+        self.bank = bank = Bank.of([self.power_laws, *self.kernels.sums, varying])
+        self.weights = bank.real_modes(bank.weights)
         self.masses = np.append(self.kernels.masses, np.zeros(n_varying))
-        self.of_varying = np.repeat([0.0, 1.0], [m + more, self.varying.rates.size])
+        self.of_varying = np.zeros(bank.n_modes)
+        self.of_varying[bank.n_real - size : bank.n_real] = 1.0
+
+    def basis(self, transforms):
+        """Return the bases in the form of compiled code, with these transforms of a step."""
+        rates, n = self.bank.rates, self.bank.n_real
+        parts = np.ascontiguousarray(rates[:n].real), rates[n:].astype(complex)
+        return ExponentialBasis(*parts, self.weights, self.masses, transforms)
 
     def equations(self, system):
         """Return the integral equations of the system in the form of compiled code."""
@@ -163,7 +167,7 @@ class OrbitAndTangents:
 
     def _clear_modes(self):
         """Set all modes to what they hold at a start."""
-        self.modes = np.zeros((self.x.shape[0], self._n_rows, self.rates.size))
+        self.modes = np.zeros((self.x.shape[0], self._n_rows, self.bank.n_modes))
         self._take_start(slice(None))
         self.before = self.modes.copy()
 
@@ -203,25 +207,22 @@ class OrbitAndTangents:
         d = x.shape[1]
         for c, q, k, coefficient in self._form.listed:
             if q == SLOPE and k != ITSELF:
-                entering = self.weights[k] * (self.rates.imag >= 0)
-                self.modes[:, c] += coefficient * entering * (p - self.p)[:, c % d, None]
+                self.modes[:, c] += coefficient * self.weights[k] * (p - self.p)[:, c % d, None]
         self.p, self.x = p, x
 
     def refine(self, closest):
         """Refine the modes down to `closest`; the new, fast ones contain the last step alone."""
-        n, end = self.power_laws.rates.size, self.rates.size
+        n, end = self.power_laws.rates.size, self.bank.n_real
         self.power_laws = self.power_laws.refine(closest)
         if self._form.varying:
             self.varying = self.varying.refine(closest)
         self._join()
-        n_new = self.power_laws.rates.size
-        gaps = [np.zeros((*self.modes.shape[:2], n_new - n))]
-        gaps.append(np.zeros((*self.modes.shape[:2], self.rates.size - end - n_new + n)))
+        more, in_all = self.power_laws.rates.size - n, self.bank.n_real - end
+        places = np.repeat([n, end], [more, in_all - more])
         self.modes, self.before = (
-            np.concatenate([old[..., :n], gaps[0], old[..., n:], gaps[1]], axis=2)
-            for old in (self.modes, self.before)
+            np.insert(old, places, 0.0, axis=2) for old in (self.modes, self.before)
         )
-        added = np.r_[n:n_new, end + n_new - n : self.rates.size]
+        added = np.r_[n : n + more, end + more : end + in_all]
         if self.last_length == 0.0:  # nothing is past but the start
             self._take_start(added)
             self.before = self.modes.copy()
@@ -238,7 +239,8 @@ class OrbitAndTangents:
         if self.last_length == 0.0:
             return base
         n = self.power_laws.rates.size
-        base += self.modes[..., n:] @ _damping(self.kernels.rates, distances, self.kernels.gains)
+        damped = self.bank.real_modes(_damping(self.bank.rates, distances).conj(), axis=0)
+        base += self.modes[..., n:] @ damped[n:]
         # the last step by quadrature, for it is closer than the modes hold; all before it by modes
         base += self.before[..., :n] @ _damping(self.power_laws.rates, self.last_length + distances)
         _, v, weights = graded_rule()
@@ -277,21 +279,23 @@ class OrbitAndTangents:
 
     def _advanced(self, modes):
         """Return modes given before the last step, advanced to its end."""
-        rates, d = self.rates * self.last_length, self.x.shape[1]
+        bank, d = self.bank, self.x.shape[1]
+        rates = bank.rates * self.last_length
         values, functions = self._nodal()
         _, v, rule = graded_rule()
-        damped, weights = _damping(rates, v), self.last_length * rule
+        damped, weights = bank.real_modes(_damping(rates, v), axis=0), self.last_length * rule
         integrals, of_one = _integrals(values, functions, weights, damped), damped @ weights
-        advanced = _turned(modes, rates)
+        advanced = bank.complex_modes(modes) * np.exp(-rates)
         for b, q in enumerate(self._form.unweighted):
-            advanced[:, (2 + b) * d : (3 + b) * d] += self.of_varying * integrals[:, q]
+            part = bank.complex_modes(self.of_varying * integrals[:, q])
+            advanced[:, (2 + b) * d : (3 + b) * d] += part
         for q, k, coefficient, rows, numbers in self._form.groups:
             if k == ITSELF:
                 continue
             offsets = np.multiply.outer(self._last_offsets[:, numbers], of_one)
-            part = integrals[:, q, rows % d] - offsets
-            advanced[:, rows] += coefficient * self.weights[k] * part
-        return advanced
+            part = bank.complex_modes(integrals[:, q, rows % d] - offsets)
+            advanced[:, rows] += coefficient * bank.weights[k] * part
+        return bank.real_modes(advanced)
 
 
 def _integrals(values, functions, weights, damped):
@@ -314,29 +318,15 @@ def _integrals(values, functions, weights, damped):
     return found.reshape(*values.shape[:-1], -1)
 
 
-def _damping(rates, times, gains=None):
-    """Return ``exp(-rate * time)``, (n_rates, n_times); below 1e-304 it is as small as that.
-
-    Of complex rates, times their gains, it is the part that counts for the mode.
-    """
+def _damping(rates, times):
+    """Return ``exp(-rate * time)``, (n_rates, n_times); below 1e-304 it is as small as that."""
     ages = np.multiply.outer(rates.real, times)
     np.minimum(ages, 700.0, out=ages)  # results that underflow take ten times as long
     np.negative(ages, out=ages)
     damped = np.exp(ages, out=ages)
     if np.isrealobj(rates):
         return damped
-    turned = np.exp(-1j * np.multiply.outer(rates.imag, times))
-    turned *= damped if gains is None else damped * gains[:, None]
-    return np.where(rates.imag[:, None] < 0, turned.imag, turned.real)
-
-
-def _turned(modes, rates):
-    """Return the modes after a step, ``exp(-rate)`` times them; pairs with complex rates turn."""
-    ends, first = np.exp(-rates), np.flatnonzero(rates.imag > 0)
-    advanced = modes * ends.real
-    advanced[..., first] += ends.imag[first] * modes[..., first + 1]
-    advanced[..., first + 1] -= ends.imag[first] * modes[..., first]
-    return advanced
+    return damped * np.exp(-1j * np.multiply.outer(rates.imag, times))
 
 
 def _round_to_decades(closest, farthest):

@@ -102,13 +102,14 @@ class Rule(NamedTuple):
 class ExponentialBasis(NamedTuple):
     """Rates of all modes, and the kernels as weighted sums of them.
 
-    - rates (M,): complex ones in conjugate pairs; gains (M,): factors of the modes in the history.
+    - rates (n,): real ones; pairs (m,): of each conjugate pair that of positive imaginary part. The
+      M = n + 2 m modes are in the order of kernels/mode_bank.py.
     - weights (n_a + n_k, M); masses (n_k,): point masses of the kernels at time lag 0.
     - transforms (s, s, s): from values at the nodes to Legendre coefficients on [0, node i].
     """
 
-    rates: ComplexVector
-    gains: ComplexVector
+    rates: Vector
+    pairs: ComplexVector
     weights: Matrix
     masses: Vector
     transforms: Cube
@@ -118,14 +119,14 @@ class StepTables(NamedTuple):
     """Factors of the modes for K step lengths, computed once for each length.
 
     - lengths (K,); to_nodes (K, M, s): decay from the start to the nodes.
-    - to_end (K, 2, M): real and imaginary part of the decay to the end.
+    - to_end (K, M): decay to the end.
     - moments (K, s, M): of the Legendre polynomials.
     - local (K, n_k, s, s): convolutions with general kernels and varying orders over the step.
     """
 
     lengths: Vector
     to_nodes: Cube
-    to_end: Cube
+    to_end: Matrix
     moments: Cube
     local: Cubes
 

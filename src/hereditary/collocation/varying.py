@@ -91,7 +91,7 @@ class OrderTables:
         t, h = float(self.tabulated["next_start"]), float(self.tabulated["next_length"])
         times = np.empty(self._nodes.size)
         set_times(origin, t, h, self._nodes, limits, times)
-        n = orbit.rates.size
+        n = orbit.bank.n_modes
         if self.weights.shape[1] != n:
             self.weights = np.zeros((len(self._varying), n, self._nodes.size))
         a = np.empty((len(self._varying), times.size))  # orders of integration
@@ -101,7 +101,6 @@ class OrderTables:
                 raise OrderFailed(trouble)
             row[:] = order.derivative - values
         self.integrals[:] = h ** a[:, :, None] * integrals_of_rows(self._nodes.size, a)
-        weights = orbit.varying.weights(a.ravel())
-        first = n - len(weights)
-        self.weights[:, first:] = weights.reshape(len(weights), *a.shape).swapaxes(0, 1)
+        weights, last = orbit.varying.weights(a.ravel()).reshape(-1, *a.shape), orbit.bank.n_real
+        self.weights[:, last - len(weights) : last] = weights.swapaxes(0, 1)
         self.tabulated["start"], self.tabulated["length"] = t, h

@@ -282,6 +282,21 @@ def add_rows(out, factors, rows):
             out[j] += factors[k] * rows[k, j]
 
 
+@inner
+def multiply_modes(modes, factors, n_real, out):
+    """Set out to modes times factors, in the order of kernels/mode_bank.py.
+
+    These are real numbers, then the real and then the imaginary parts of complex ones.
+    """
+    # all (M,); out may be one of the others
+    for i in range(n_real):
+        out[i] = factors[i] * modes[i]
+    half = (modes.shape[0] - n_real) // 2
+    for i in range(n_real, n_real + half):
+        a, b, x, y = factors[i], factors[i + half], modes[i], modes[i + half]
+        out[i], out[i + half] = a * x - b * y, a * y + b * x
+
+
 # Components beyond which only the eigenvalues of largest modulus are computed.
 _VERY_MANY = 200
 # Their number.

@@ -10,7 +10,7 @@ from functools import partial
 import numpy as np
 
 from ..compiled.jit import allocating, compiled, embedded, inner
-from ..compiled.linalg import add_rows
+from ..compiled.linalg import add_rows, multiply_modes
 
 # rows of a term in the amplitudes of its modes
 STARTS = 6
@@ -29,15 +29,14 @@ def exchange_modes(lag, pieces, n, groups, tables, memory):
 
     A mode of rate s holds ``Z = sum_k q**(k_newest - k) u_k`` with q = exp(-s h). The memory of a
     block's worth of steps ahead is one product of mode amplitudes with a table of powers of q.
-    Complex rates come in conjugate pairs: the real part and the imaginary part of Z are two modes.
     Where a scheme's first weights are no sum of exponentials, a window of the newest pieces adds
     what lacks.
     """
     # lag (W, B), pieces (W, B + 1); memory: modes (W, M), of each start value (W, V M), and the
     #   newest pieces (W, L)
     # tables: weights (C, M), start_weights (V C, M), ahead (M, B), keep (B + 1, M) with last row
-    #   q**B, corrections (C, L + 2) of the weights k = 2 .. L + 1; behind the first `length` modes
-    #   the columns of all tables, and rows of ahead, are real parts, then imaginary parts
+    #   q**B, corrections (C, L + 2) of the weights k = 2 .. L + 1; the first `length` modes have
+    #   real rates (kernels/mode_bank.py)
     weights, start_weights, ahead, back = (
         tables.weights, tables.start_weights, tables.ahead, tables.keep,
     )  # fmt: skip
@@ -81,18 +80,6 @@ def exchange_rows(lag, pieces, n, groups, tables, memory):
             modes[c, m] = keep[m] * modes[c, m] + take[m] * pieces[c, 0]
             total += weights[m] * modes[c, m]
         lag[c, 0] += total
-
-
-@inner
-def multiply_modes(modes, factors, n_real, out):
-    """Set out to modes times factors, real numbers and then the parts of complex ones."""
-    # all (M,)
-    for i in range(n_real):
-        out[i] = factors[i] * modes[i]
-    half = (modes.shape[0] - n_real) // 2
-    for i in range(n_real, n_real + half):
-        a, b, x, y = factors[i], factors[i + half], modes[i], modes[i + half]
-        out[i], out[i + half] = a * x - b * y, a * y + b * x
 
 
 @inner

@@ -114,20 +114,20 @@ class Convolution:
             for lists in (self.groups, self.start_groups)
         )
 
-    def modal(self, bank, k, k_start):
-        """Return mode shares of W_k, shape (C, M), and of the start weights at k_start, (V C, M).
+    def modal(self, rates, weights, k, k_start):
+        """Return shares of W_k for each of M rates, (C, M), and of the start weights, (V C, M).
 
-        `bank` maps a kernel's exponent, or its `StepKernel`, to (rates, weights) of its
-        exponential sum.
+        The latter are at `k_start`. `weights` maps a kernel's exponent, or its `StepKernel`, to the
+        weights (M,) of its exponential sum.
         """
-        n_modes = max((rates.size for rates, _ in bank.values()), default=0)
 
         def share(terms, at):
-            held = ((f, rule, p, rule.exponent(p)) for f, rule, p in terms)
-            return _total(
-                (f * rule.modal(p, *bank[a], at) for f, rule, p, a in held if a is not None),
-                n_modes,
+            pieces = (
+                f * rule.modal(p, rates, weights[rule.exponent(p)], at)
+                for f, rule, p in terms
+                if rule.exponent(p) is not None
             )
+            return _total(pieces, rates.size)
 
         return tuple(
             np.array([share(terms, at) for terms in lists])

@@ -23,6 +23,7 @@ from ...kernels.exponential_sum import (
     weights_of_moments,
 )
 from ...kernels.memory_kernel import KernelErrors
+from ...kernels.mode_bank import Bank
 from ...support.checks import positive, refuse
 from ..past import LANES, STARTS, exchange_modes, exchange_nothing, exchange_rows, set_amplitudes
 from ..power_series import inverse_gamma
@@ -138,8 +139,13 @@ class _Tabulated(NamedTuple):
 
 def _tabulated(convolution, covered, tol, n_block):
     """Work out the tables of a convolution over so many steps, for blocks of `n_block` steps."""
-    rates, bank, pad, errors = _bank(convolution, covered, float(tol))
-    shares, start_shares = convolution.modal(bank, 2, 0)
+    exponents, kernels, tol = convolution.exponents(), convolution.kernels(), float(tol)
+    fits = [kernel.exponentials(covered, tol) for kernel in kernels]
+    sums = [fit_unit(exponents, covered, tol), *fits]
+    pad = -sum(own.rates.size for own in sums) % _PAD
+    bank = Bank.of([*sums, Bank(np.zeros(pad), np.zeros((0, pad)))])
+    rates, by_key = bank.rates, dict(zip((*exponents, *kernels), bank.weights, strict=True))
+    shares, start_shares = convolution.modal(rates, by_key, 2, 0)
     ahead = _powers(rates, n_block)
     block_weights, block_start_weights = convolution.exact(n_block + 2)
     first = convolution.first_modal
@@ -153,13 +159,11 @@ def _tabulated(convolution, covered, tol, n_block):
     # the march sets all modes of a start value to it, also the imaginary parts
     start_shares = start_shares / np.where(rates.imag != 0, 1 + 1j, 1)
     back = np.vstack([ahead[:, :-1].T[::-1], ahead[:, -1]])
-    n_real = rates.size - int(np.count_nonzero(rates.imag))
-    weights, start_weights, keep, ahead = (
-        np.ascontiguousarray(np.hstack([table.real, table.imag[:, n_real:]]))
-        for table in (shares, start_shares, back, ahead[:, :-1].T.conj())
-    )
-    tables = Tables(0, 1, n_real, weights, start_weights, keep)
-    tables = tables._replace(ahead=np.ascontiguousarray(ahead.T), corrections=corrections)
+    weights, start_weights, keep = map(bank.real_modes, (shares, start_shares, back))
+    tables = Tables(0, 1, bank.n_real, weights, start_weights, keep)
+    ahead = bank.real_modes(ahead[:, :-1].conj(), axis=0)
+    tables = tables._replace(ahead=ahead, corrections=corrections)
+    errors = KernelErrors.of([own.kernel for own in kernels], fits)
     return _Tabulated(tables, (block_weights, block_start_weights), pad, errors)
 
 
@@ -309,35 +313,6 @@ def _refuse_beyond(covered, n_end):
     if n_end > covered:
         required = f"stay within the {covered} steps its history covers"
         refuse("resume", required, f"a run to step {n_end}", _REMEDY)
-
-
-def _bank(convolution, covered, tol):
-    """Return rates of all modes, their weights for each kernel, and two results more.
-
-    These are the number of modes used for the padding, and the largest errors of the other kernels.
-    Power laws share their rates; every other kernel has its own.
-    """
-    exponents, kernels = convolution.exponents(), convolution.kernels()
-    fits = [fit_unit(exponents, covered, tol)[:2]]
-    sums = [kernel.exponentials(covered, tol) for kernel in kernels]
-    fits += [_one_of_each_pair(found.rates, found.weights[None]) for found in sums]
-    pad = -sum(rates.size + int(np.count_nonzero(rates.imag)) for rates, _ in fits) % _PAD
-    rates = np.concatenate([*(rates for rates, _ in fits), np.zeros(pad)])
-    order = np.argsort(rates.imag != 0, kind="stable")
-    bank, offset = {}, 0
-    for keys, (own, weights) in zip((exponents, *((k,) for k in kernels)), fits, strict=True):
-        for key, row in zip(keys, weights, strict=True):
-            every = np.zeros(rates.size, dtype=rates.dtype)
-            every[offset : offset + own.size] = row
-            bank[key] = rates[order], every[order]
-        offset += own.size
-    return rates[order], bank, pad, KernelErrors.of([own.kernel for own in kernels], sums)
-
-
-def _one_of_each_pair(rates, weights):
-    """Return real rates and one of each conjugate pair, which weighs twice in real parts."""
-    kept = rates.imag >= 0
-    return rates[kept], (weights * np.where(rates.imag > 0, 2, 1))[:, kept]
 
 
 def _powers(rates, n):

@@ -1,0 +1,73 @@
+"""One bank of modes for several sums of exponentials.
+
+The sums are real, so one complex mode is enough for a conjugate pair of rates. An array of M real
+modes has those of real rates first. Then come the real parts of all complex modes, and then the
+imaginary parts. `multiply_modes` (compiled/linalg.py) multiplies such arrays.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import Any, NamedTuple
+
+import numpy as np
+
+
+class Bank(NamedTuple):
+    """Sums of exponentials over one set of rates.
+
+    Attributes
+    ----------
+    rates : ndarray, shape (n,)
+        Real ones, then of each pair that of positive imaginary part; without pairs a real array.
+    weights : ndarray, shape (k, n)
+        A row for each sum, the real part of ``weights @ exp(-rates t)``. So a pair has twice its
+        weight.
+    """
+
+    rates: np.ndarray
+    weights: np.ndarray
+
+    @classmethod
+    def of(cls, sums: Iterable[Any]) -> Bank:
+        """Merge sums of `rates` (m,) and `weights` (m,) or (j, m), each with its own rates."""
+        parts = [(own.rates, np.atleast_2d(own.weights)) for own in sums]
+        rates, (row, column) = np.concatenate([own for own, _ in parts]), (0, 0)
+        weights = np.zeros((sum(len(block) for _, block in parts), rates.size), rates.dtype)
+        for _, block in parts:
+            last, end = row + block.shape[0], column + block.shape[1]
+            weights[row:last, column:end] = block
+            row, column = last, end
+        if not rates.imag.any():
+            return cls(rates.real, weights.real)
+        kept = np.append(np.flatnonzero(rates.imag == 0), np.flatnonzero(rates.imag > 0))
+        twice = weights * np.where(rates.imag > 0, 2, 1)
+        return cls(rates[kept], np.take(twice, kept, axis=1))
+
+    @property
+    def n_real(self) -> int:
+        """Number of real rates."""
+        n = self.rates.size
+        return n if np.isrealobj(self.rates) else n - int(np.count_nonzero(self.rates.imag))
+
+    @property
+    def n_modes(self) -> int:
+        """Number of real modes M."""
+        return 2 * self.rates.size - self.n_real
+
+    def real_modes(self, values: np.ndarray, axis: int = -1) -> np.ndarray:
+        """Return an array of modes for values of all rates along an axis."""
+        real = values.real
+        if np.iscomplexobj(self.rates):
+            turning = np.split(values.imag, [self.n_real], axis)[1]
+            real = np.concatenate([real, turning], axis)
+        return np.ascontiguousarray(real)
+
+    def complex_modes(self, modes: np.ndarray) -> np.ndarray:
+        """Return values of all rates for an array of modes (..., M)."""
+        if np.isrealobj(self.rates):
+            return modes
+        n = self.rates.size
+        found = modes[..., :n].astype(complex)
+        found.imag[..., self.n_real :] = modes[..., n:]
+        return found
