@@ -21,12 +21,15 @@ from ..compiled.callbacks import PythonRaised, call_at, call_lapack
 from ..compiled.jacobian import COLUMNS, ROWS, VALUES
 from ..compiled.jit import allocating, inner, plug_in, reordered
 from ..compiled.linalg import (
+    clear_matrix,
     factorise,
     factorise_large,
     product,
     put,
+    put_matrix,
     solve_in_place,
     substitute,
+    transpose,
     transposed_product,
 )
 from ..compiled.signatures import FACTORISE, LinearSolver
@@ -49,19 +52,19 @@ def diagonalise_stages(stage):
     pencil = np.empty((3, s, s))
     set_pencil(stage.matrices[0], stage.integral, stage.second[0], pencil)
     gain, rest = pencil[stage.second[0]], pencil[REST]
-    inverse = np.empty((s, s))
-    for j in range(s):
-        column = np.zeros(s)
-        column[j] = 1.0
-        if not solve_in_place(rest.copy(), column):
-            return False
-        inverse[:, j] = column
-    product = inverse @ gain
+    inverse, both, back = np.empty((s, s)), np.empty((s, s)), np.empty((s, s))
+    if not set_inverse(rest, inverse):
+        return False
+    set_product(inverse, gain, both)
     values, imaginary, vectors = np.empty(s), np.empty(s), np.empty((s, s))
-    if not eigenvectors(stage.lapack_values, product, values, imaginary, vectors):
+    if not eigenvectors(stage.lapack_values, both, values, imaginary, vectors):
         return False
     # a pair of vectors v +- i w is held as v and w, so that this inverse is real as well
-    back, kept = np.linalg.inv(vectors).T.copy() @ inverse, 0
+    if not set_inverse(vectors, both):
+        return False
+    transpose(both)
+    set_product(both, inverse, back)
+    kept = 0
     for k in range(s):
         if imaginary[k] < 0.0:  # the conjugate of the one before
             continue
@@ -78,6 +81,33 @@ def diagonalise_stages(stage):
 
 
 @allocating
+def set_inverse(a, out):
+    """Set the inverse of a (s, s), column by column; False for a singular matrix."""
+    # loops take less time to compile than NumPy's functions, and s is small
+    s = a.shape[0]
+    copied, column = np.empty((s, s)), np.empty(s)
+    for j in range(s):
+        for i in range(s):
+            column[i] = 1.0 if i == j else 0.0
+        put_matrix(a, copied)
+        if not solve_in_place(copied, column):
+            return False
+        for i in range(s):
+            out[i, j] = column[i]
+    return True
+
+
+@inner
+def set_product(a, b, out):
+    """Set out = a b of small matrices, (s, s)."""
+    clear_matrix(out)
+    for i in range(a.shape[0]):
+        for k in range(a.shape[1]):
+            for j in range(b.shape[1]):
+                out[i, j] += a[i, k] * b[k, j]
+
+
+@allocating
 def eigenvectors(lapack, matrix, values, imaginary, vectors):
     """Set both parts of the eigenvalues, (s,), and the eigenvectors by LAPACK; False if it fails.
 
@@ -85,9 +115,10 @@ def eigenvectors(lapack, matrix, values, imaginary, vectors):
     eigenvalue above the real axis, which comes first.
     """
     s = values.shape[0]
-    for value in matrix.ravel():
-        if not abs(value) < np.inf:
-            return False
+    for i in range(s):
+        for k in range(s):
+            if not abs(matrix[i, k]) < np.inf:
+                return False
     # the columns of a square, and room; sizes, what LAPACK returns, and two letters: both arrays
     # are alive until LAPACK returns
     room, numbers = np.empty((s + 8, s)), np.empty(5, dtype=np.int32)
@@ -311,7 +342,7 @@ def banded_stages(task, values, stage):
         for i in range(n):
             right[i] = ordered[place[i]]
         add_solution(k, right, stage, found)
-    values[:] = found
+    put_matrix(found, values)
     return 0
 
 
@@ -336,7 +367,7 @@ def sparse_stages(task, values, stage):
         if task != FACTORISE:
             add_solution(k, right, stage, found)
     if task != FACTORISE:
-        values[:] = found
+        put_matrix(found, values)
     return 0
 
 

@@ -217,7 +217,9 @@ def derived(fun, counted=True):
 
 def as_value(fun, signature):
     """Compile a function of the package, for its only signature, to be passed as a value."""
-    if config.DISABLE_JIT or isinstance(fun, internals.Value):
+    if config.DISABLE_JIT or getattr(fun, "of_signature", None) is signature:
+        return fun  # this first: a class of numba takes 5 us to be recognised
+    if isinstance(fun, internals.Value):
         return fun
     with compiling:
         if signature.args not in fun.overloads:

@@ -208,8 +208,9 @@ def _check(record, form):
         elif type(how) is str:
             found = getattr(value, how, None)
             fits = found is like or found == like
+        elif type(value) is np.ndarray and value.ndim == like and value.dtype == how:
+            fits = value.flags.c_contiguous
         else:
-            fits = type(value) is np.ndarray and value.ndim == like and value.dtype == how
-            fits = fits and value.flags.c_contiguous
+            fits = False
         if not fits:
             raise TypeError(f"{name} must be of type {wanted}, not {value!r}")
