@@ -1,8 +1,9 @@
 """Compile functions of the package.
 
 `inner` is for functions called from compiled code alone, `compiled` for any other. `entry` is for
-the loops that Python calls, `as_value` for a compiled function that is handed to an entry as a
-first-class value. Entries are compiled at first use for one fixed list of argument types and then
+the loops that Python calls, `plug_in` for fields of their records (compiled/reference.py).
+`as_value` is for a compiled function that is handed to an entry as a first-class value or in such a
+field. Entries are compiled at first use for one fixed list of argument types and then
 locked. So they are compiled once per machine, whatever functions they are given.
 """
 
@@ -155,8 +156,7 @@ def inner(fun):
 def embedded(fun, fused=False):
     """Compile into the code of the only caller: to hand many arrays on takes 0.3 us.
 
-    All that the function calls get this option from numba, unless they have their own. The code of
-    collocation's step then takes twice as long to compile.
+    All that the function calls get this option from numba, unless they have their own.
     """
     return _linked(fun, {"contract"} if fused else False, _nrt=False, forceinline=True)
 
@@ -217,9 +217,7 @@ def derived(fun, counted=True):
 
 def as_value(fun, signature):
     """Compile a function of the package, for its only signature, to be passed as a value."""
-    if config.DISABLE_JIT or getattr(fun, "of_signature", None) is signature:
-        return fun  # this first: a class of numba takes 5 us to be recognised
-    if isinstance(fun, internals.Value):
+    if config.DISABLE_JIT or isinstance(fun, internals.Value):
         return fun
     with compiling:
         if signature.args not in fun.overloads:
