@@ -15,6 +15,8 @@ from .error_estimate import (
 )
 from .mode_tables import (
     advance_modes,
+    fill_kernels,
+    fill_nothing,
     find_slot,
     floor_to_grid,
     read_modes,
@@ -33,6 +35,7 @@ from .operators import (
 from .stages import set_scales
 from .structures import (
     ADAPTIVE_MARCH,
+    FILLING_SIG,
     HELD,
     LENGTH,
     READING_SIG,
@@ -239,7 +242,7 @@ def take_steps(march):
             return row, TOO_CLOSE
         if not orders_tabulated(t, h, varying):
             return row, ORDERS_NEEDED
-        slot = find_slot(h, rule.nodes, m.basis, m.tables)
+        slot = find_slot(march, h)
         if h != assembled_for or equations.unweighted.shape[0] > 0:
             first = local.shape[1] - varying.integrals.shape[0]
             put_cube(varying.integrals, local[slot, first:])
@@ -304,8 +307,9 @@ def march_of(work):
     """Return the march of some work, with the functions that it needs."""
     tangents = solve_for_tangents if work.orbit.x.shape[0] > 1 else no_tangents
     reading = read_varying if work.varying.integrals.shape[0] > 0 else read_nothing
+    filling = fill_kernels if work.basis.masses.size > 0 else fill_nothing
     how = as_value(tangents, TANGENTS_SIG), as_value(reading, READING_SIG)
-    return AdaptiveMarch(work, *how)
+    return AdaptiveMarch(work, *how, as_value(filling, FILLING_SIG))
 
 
 @inner

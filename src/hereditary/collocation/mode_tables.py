@@ -55,43 +55,59 @@ def floor_to_grid(h):
 
 
 @inner
-def find_slot(h, nodes, basis, tables):
+def find_slot(march, h):
     """Return the slot with the factors of a step of length h, computed if they are missing."""
-    slot = math.floor(_PER_OCTAVE * math.log2(h) + 0.5) % tables.lengths.shape[0]
-    if tables.lengths[slot] != h:
-        fill_slot(h, nodes, basis, tables, slot)
+    lengths = march.work.tables.lengths
+    slot = math.floor(_PER_OCTAVE * math.log2(h) + 0.5) % lengths.shape[0]
+    if lengths[slot] != h:
+        lengths[slot] = 0.0
+        fill_slot(march.work, h, slot)
+        if march.work.basis.masses.shape[0] > 0:
+            march.fill_kernels(march.work, h, slot)
+        lengths[slot] = h
     return slot
 
 
-@allocating
-def fill_slot(h, nodes, basis, tables, slot):
-    """Compute the factors of a step of length h."""
-    rates, pairs, s = basis.rates, basis.pairs, nodes.shape[0]
+@inner
+def fill_slot(m, h, slot):
+    """Compute the factors of modes with real rates for a step of length h."""
+    rates, nodes, tables, real = m.basis.rates, m.rule.nodes, m.tables, m.weights.coefficients
+    s = nodes.shape[0]
     to_nodes, to_end, moments = tables.to_nodes[slot], tables.to_end[slot], tables.moments[slot]
-    tables.lengths[slot] = 0.0
-    real, turned = np.empty(s), np.empty(s, dtype=np.complex128)
-    for m in range(rates.shape[0]):
+    for e in range(rates.shape[0]):
         for i in range(s):
-            to_nodes[m, i] = decay(rates[m] * (h * nodes[i]))
-        to_end[m] = decay(rates[m] * h)
-        exponential_legendre(rates[m] * h, s, real)
-        put(real, moments[:, m])
+            to_nodes[e, i] = decay(rates[e] * (h * nodes[i]))
+        to_end[e] = decay(rates[e] * h)
+        exponential_legendre(rates[e] * h, s, real)
+        put(real, moments[:, e])
+
+
+@plug_in
+def fill_kernels(m, h, slot):
+    """Compute the factors of pairs of complex rates, and convolutions with general kernels."""
+    basis, nodes, tables, s = m.basis, m.rule.nodes, m.tables, m.rule.nodes.shape[0]
+    to_nodes, to_end, moments = tables.to_nodes[slot], tables.to_end[slot], tables.moments[slot]
+    pairs, turned, n_rates = basis.pairs, np.empty(s, dtype=np.complex128), basis.rates.shape[0]
     for n in range(pairs.shape[0]):
-        m, other = rates.shape[0] + n, rates.shape[0] + pairs.shape[0] + n
+        e, other = n_rates + n, n_rates + pairs.shape[0] + n
         for i in range(s):
             factor = turning_decay(pairs[n] * (h * nodes[i]))
-            to_nodes[m, i], to_nodes[other, i] = factor.real, -factor.imag
+            to_nodes[e, i], to_nodes[other, i] = factor.real, -factor.imag
         end = turning_decay(pairs[n] * h)
-        to_end[m], to_end[other] = end.real, end.imag
+        to_end[e], to_end[other] = end.real, end.imag
         turning_legendre(pairs[n] * h, s, turned)
-        put(turned.real, moments[:, m])
+        put(turned.real, moments[:, e])
         put(turned.imag, moments[:, other])
     n_kernels = basis.masses.shape[0]
     first = basis.weights.shape[0] - n_kernels
     for k in range(n_kernels):
         weights, matrix = basis.weights[first + k], tables.local[slot, k]
         set_kernel_matrix(h, nodes, basis, weights, basis.masses[k], matrix)
-    tables.lengths[slot] = h
+
+
+@plug_in
+def fill_nothing(m, h, slot):
+    """Do nothing, where no kernel is a general one."""
 
 
 @inner

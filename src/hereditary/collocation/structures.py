@@ -385,6 +385,8 @@ WORK = Reference(compiled_type(AdaptiveWork))
 TANGENTS_SIG = F8(WORK, F8, I8)
 # work, slot of the tables, column of the orbit or a tangent
 READING_SIG = types.void(WORK, I8, I8)
+# work, step length, slot of the tables
+FILLING_SIG = types.void(WORK, F8, I8)
 
 
 class AdaptiveMarch(NamedTuple):
@@ -393,6 +395,7 @@ class AdaptiveMarch(NamedTuple):
     work: AdaptiveWork
     solve_for_tangents: Annotated[Any, FunctionField(TANGENTS_SIG)]
     read_varying: Annotated[Any, FunctionField(READING_SIG)]
+    fill_kernels: Annotated[Any, FunctionField(FILLING_SIG)]
 
 
 ADAPTIVE_MARCH = Reference(compiled_type(AdaptiveMarch))
