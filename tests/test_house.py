@@ -5,6 +5,7 @@ import re
 from pathlib import Path
 
 import pytest
+from decorators import DECORATORS
 
 SOURCE = Path(__file__).parent.parent / "src" / "hereditary"
 # The march on given steps, whose parts would take longer to be called than to be run.
@@ -37,16 +38,6 @@ MANY = {
     "harmonic_balance.py", "lyapunov.py", "jacobian.py", "block.py", "growing_march.py",
     "newton.py", "past.py", "step.py",
 }  # fmt: skip
-DECORATORS = {
-    "entry",
-    "compiled",
-    "inner",
-    "embedded",
-    "allocating",
-    "reordered",
-    "inlined",
-    "plug_in",
-}
 
 
 @pytest.mark.parametrize("path", FILES, ids=lambda p: str(p.relative_to(SOURCE)))

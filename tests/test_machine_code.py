@@ -11,6 +11,7 @@ from io import BytesIO
 from pathlib import Path
 
 import pytest
+from decorators import DECORATORS
 from fresh_process import SOURCE, python
 
 from hereditary.compiled.cache import SHIPPED, Target
@@ -120,16 +121,6 @@ def sources(path, node):
 
 def test_compiled_functions_use_files_that_compile_of_their_own_room_and_of_compiled():
     """So one digest of these files tells of every change."""
-    decorators = (
-        "entry",
-        "compiled",
-        "inner",
-        "embedded",
-        "allocating",
-        "reordered",
-        "inlined",
-        "plug_in",
-    )
     seen = 0
     for path in sorted(SOURCE.rglob("*.py")):
         room, tree, origin = path.relative_to(SOURCE).parts[0], ast.parse(path.read_text()), {}
@@ -138,7 +129,7 @@ def test_compiled_functions_use_files_that_compile_of_their_own_room_and_of_comp
                 origin |= sources(path, node)
         for node in ast.walk(tree):
             found = getattr(node, "decorator_list", ())
-            if {getattr(getattr(each, "func", each), "id", "") for each in found} & {*decorators}:
+            if {getattr(getattr(each, "func", each), "id", "") for each in found} & DECORATORS:
                 seen += 1
                 used = {each.id for each in ast.walk(node) if isinstance(each, ast.Name)}
                 for name in used & origin.keys():

@@ -21,8 +21,7 @@ from ..compiled.records import record
 from ..compiled.schedule import SCHEDULE
 from ..compiled.signatures import JAC, RHS
 from ..equation.equation import Equation, current_equation
-from ..equation.system import System
-from ..equation.terms import distinct_components
+from ..equation.system import System, distinct_components
 from ..given.history.exponentials import SumOfExponentials
 from ..given.history.history import History
 from ..given.opening import open_pairs

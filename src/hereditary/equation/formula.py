@@ -3,20 +3,18 @@
 from __future__ import annotations
 
 import html
-from typing import TYPE_CHECKING
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-if TYPE_CHECKING:
-    from .equation import Equation
-    from .operators import Term
+from .operators import Term
 
 # Longest description of a kernel, in letters: a longer one is replaced by the name of its class.
 _LONGEST = 60
 
 
-def formula(equation: Equation) -> str:
+def formula(equation: Any) -> str:
     """Return the equation's two sides and initial values as a line of HTML."""
     left = " + ".join(_term(term) for term in equation.terms)
     arguments = ["t", "y", *["memory"] * bool(equation.memory)]

@@ -279,6 +279,26 @@ def leading_orders(left: Iterable[SystemTerm], d: int) -> np.ndarray:
     return highest
 
 
+def distinct_components(
+    system: System,
+) -> tuple[list[tuple[tuple[float, Any], ...]], np.ndarray]:
+    """Return the different lists of (coefficient, operator), and the number of each component's.
+
+    Terms with a zero coefficient are omitted.
+    """
+    columns = np.array([c for _, c in system.left])
+    if np.all(columns == columns[:, :1]):
+        columns = columns[:, :1]
+    rows = map(tuple, columns.T.tolist())
+    kinds: dict[tuple, int] = {}
+    numbers = [kinds.setdefault(row, len(kinds)) for row in rows]
+    held = [zip(row, system.left, strict=True) for row in kinds]
+    keys = [tuple((c, operator) for c, (operator, _) in terms if c != 0) for terms in held]
+    distinct = list(dict.fromkeys(keys))
+    found = np.array([distinct.index(key) for key in keys], dtype=np.int64)[numbers]
+    return distinct, np.broadcast_to(found, system.d).copy()
+
+
 def variational(system: System, directions: np.ndarray) -> System:
     """Return the system and its linearisation along k directions, d (1 + k) components.
 

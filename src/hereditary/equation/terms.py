@@ -10,7 +10,7 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
+from typing import ClassVar, NamedTuple
 
 import numpy as np
 from scipy.special import rgamma
@@ -19,9 +19,6 @@ from ..kernels.memory_kernel import MemoryKernel
 from ..kernels.step_kernel import Integrated, PowerSteps, StepKernel
 from ..support.checks import complaint, real, refuse
 from .orders import derivative_order, rounded_order
-
-if TYPE_CHECKING:
-    from .system import System
 
 # A value of s at which s K^(s) is the constant part of a kernel, if it has one.
 _SLOW = 1e-200 + 0j
@@ -294,23 +291,3 @@ class VaryingOrder:
 
 
 Operator = ConstantOrder | KernelOperator | VaryingOrder
-
-
-def distinct_components(
-    system: System,
-) -> tuple[list[tuple[tuple[float, Any], ...]], np.ndarray]:
-    """Return the different lists of (coefficient, operator), and the number of each component's.
-
-    Terms with a zero coefficient are omitted.
-    """
-    columns = np.array([c for _, c in system.left])
-    if np.all(columns == columns[:, :1]):
-        columns = columns[:, :1]
-    rows = map(tuple, columns.T.tolist())
-    kinds: dict[tuple, int] = {}
-    numbers = [kinds.setdefault(row, len(kinds)) for row in rows]
-    held = [zip(row, system.left, strict=True) for row in kinds]
-    keys = [tuple((c, operator) for c, (operator, _) in terms if c != 0) for terms in held]
-    distinct = list(dict.fromkeys(keys))
-    found = np.array([distinct.index(key) for key in keys], dtype=np.int64)[numbers]
-    return distinct, np.broadcast_to(found, system.d).copy()

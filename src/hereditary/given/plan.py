@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from ..equation.terms import distinct_components
+from ..equation.system import distinct_components
 from ..kernels.step_kernel import ExponentialSteps
 from ..support.checks import refuse
 from .signatures import StepRows

@@ -7,8 +7,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from ..equation.system import System
-from ..equation.terms import distinct_components
+from ..equation.system import System, distinct_components
 from ..support.checks import one_of, refuse
 
 

@@ -13,8 +13,7 @@ import numpy as np
 from scipy.special import rgamma
 
 from ...equation.equation import Equation
-from ...equation.system import System
-from ...equation.terms import distinct_components
+from ...equation.system import System, distinct_components
 from ...kernels.special import mean_exponential
 from ...stepping.scheme import Scheme, check_smoothness
 from ...support.checks import refuse, within

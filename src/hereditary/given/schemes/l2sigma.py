@@ -6,8 +6,7 @@ from typing import ClassVar
 import numpy as np
 from scipy.special import rgamma
 
-from ...equation.system import System
-from ...equation.terms import distinct_components
+from ...equation.system import System, distinct_components
 from ...stepping.scheme import Scheme, check_smoothness
 from ...support.checks import refuse, within
 from ..plan import Plan

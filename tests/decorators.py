@@ -1,0 +1,12 @@
+"""Decorators of compiled functions, by which tests find them in the sources."""
+
+DECORATORS = {
+    "entry",
+    "compiled",
+    "plug_in",
+    "inner",
+    "embedded",
+    "allocating",
+    "reordered",
+    "inlined",
+}
