@@ -474,13 +474,14 @@ def _grow(
     """
     grown, none = [np.empty((0, 1 + stepper.tangent.shape[1]))], np.zeros(1, dtype=bool)
     end = int(schedule["end"]) * float(schedule["unit"])
+    states.append((stepper.t, stepper.y))
 
     def advance(stop: float) -> Ending | None:
         piece, logs, lost = stepper.grow(stop, schedule)
         few = len(states) <= _STATES
         if piece is not None and (few or piece.edges().size > _STATES):
-            times = piece.edges()
-            times = times[:: 1 + times.size // _STATES]
+            times, every = piece.edges(), 1 + piece.edges().size // _STATES
+            times = times[every::every]
             states.extend(zip(times.tolist(), piece.evaluate(times, none, 0), strict=True))
         states.append((stepper.t, stepper.y))
         grown.append(logs)
