@@ -14,55 +14,69 @@ from hereditary.solver.opening import how_to_step, open_stepper
 from hereditary.solver.output import Kept, Output
 from hereditary.solver.run import Drive, go_back, run
 from hereditary.stepping.dense import StepPieces
-from hereditary.stepping.stepper import JumpingStepper, ResumableStepper, Stop, TangentStepper
+from hereditary.stepping.state import State
+from hereditary.stepping.stepper import (
+    JumpingStepper,
+    ResumableStepper,
+    Stepper,
+    Stop,
+    TangentStepper,
+)
 
 H, RATE = 0.01, 2.0
 FACTOR = 1 - H * RATE
 
 
-class Euler(ResumableStepper, TangentStepper, JumpingStepper):
+class Euler(Stepper):
     """Euler steps of y' = -2 y and its tangent."""
 
-    position, tangent, uncertainty = 0, np.eye(1), np.zeros(1)
-
     def __init__(self, system):
-        self.system, self._y = system, system.y0[0].copy()
+        self.system, self._now = system, (0, system.y0[0].copy(), np.eye(1))
 
+    position = property(lambda self: self._now[0])
     t = property(lambda self: H * self.position)
-    y = property(lambda self: self._y.copy())
-    ydot = property(lambda self: -RATE * self._y)
+    y = property(lambda self: self._now[1].copy())
+    ydot = property(lambda self: -RATE * self.y)
 
     def stop_at(self, t):
         n = int(np.ceil(t / H - 1e-9))
         return Stop(n, H * n)
 
     def advance(self, stop, keep=True):
-        before = self.y, self.ydot
-        self._y, self.tangent = FACTOR * self._y, FACTOR * self.tangent
-        self.position += 1
+        n, before, tangent = self.position, (self.y, self.ydot), self._now[2]
+        self._now = n + 1, FACTOR * self.y, FACTOR * tangent
         rows, slopes = np.stack([before, (self.y, self.ydot)], axis=1)
-        return StepPieces(self.t + np.array([-H, 0.0]), rows, slopes, n=self.position - 1)
+        return StepPieces(self.t + np.array([-H, 0.0]), rows, slopes, n=n)
 
     def checkpoint(self):
-        return self.position, self.y, self.tangent.copy()
+        return self._now
 
     def come_back(self, checkpoint):
-        self.position, self._y, self.tangent = checkpoint
+        self._now = checkpoint
+
+
+class AbleEuler(Euler, ResumableStepper, TangentStepper, JumpingStepper):
+    """The same with the abilities of both engines."""
+
+    tangent = property(lambda self: self._now[2])
+    uncertainty = np.zeros(1)
 
     def transform_tangent(self, matrix):
-        self.tangent = self.tangent @ matrix
+        self._now = self.position, self.y, self.tangent @ matrix
 
     def state(self):
-        return self.checkpoint()
+        return State(
+            t=self.t, y=self.y, scheme=None, how=None, identity={}, checkpoint=self.checkpoint()
+        )
 
     def restore(self, state, allow_change=False):
-        self.come_back(state)
+        self.come_back(state.checkpoint)
 
     def expect_jumps(self, of_y):
         pass
 
     def set_y(self, y):
-        self._y = y
+        self._now = self.position, y, self.tangent
 
     def set_parameter(self, number, value):
         pass
@@ -75,7 +89,7 @@ def equation():
 def ran(t_end=1.0, events=(), changes=None):
     """The solution of a run over the stepper."""
     hybrid = Hybrid(equation().system, hd.ExplicitCaputo(), (), (), changes) if changes else None
-    stepper = Euler(hybrid.system if hybrid else equation().system)
+    stepper = AbleEuler(hybrid.system if hybrid else equation().system)
     stop, inside = stepper.stop_at(t_end).position, stepper.system.frame.event
     if hybrid:
         found = hybrid.open(stepper, t_end, np.zeros(0), {})
@@ -117,7 +131,7 @@ def test_changes_of_y_act_at_their_step():
 
 
 def test_exponents_are_those_of_the_steps():
-    stepper, logs = Euler(equation().system), []
+    stepper, logs = AbleEuler(equation().system), []
     schedule = record(SCHEDULE, interval=10, longest=10, end=100, unit=1.0)
     while stepper.position < 100:
         logs.append(stepper.grow(100, schedule).logs)
