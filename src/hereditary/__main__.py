@@ -38,7 +38,7 @@ _PARAMETERS = {
 def main(argv: Sequence[str] | None = None) -> int:
     """Run the scene with the parameters on the command line; return the exit status.
 
-    With "paper" as the first word, compute the figures of the source. With "compile", make all
+    With "paper" as the first word, compute the figures of the paper. With "compile", make all
     machine code for which first runs would wait.
     """
     argv = sys.argv[1:] if argv is None else argv
@@ -73,7 +73,7 @@ def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
         prog="python -m hereditary",
         description="Hereditary stick-slip: D^beta x + lambda D^gamma x + omega^2 x "
-        "= b t + c sum a_n sin(n x), Caputo derivatives. `paper --out DIR` computes the source's "
+        "= b t + c sum a_n sin(n x), Caputo derivatives. `paper --out DIR` computes the paper's "
         "figures, see `paper --help`; `compile` makes all machine code ahead.",
         formatter_class=argparse.ArgumentDefaultsHelpFormatter,
     )

@@ -1,1 +1,1 @@
-"""The source's figures and what lies beyond them: `python -m hereditary paper`."""
+"""The paper's figures and what lies beyond them: `python -m hereditary paper`."""

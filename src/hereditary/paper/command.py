@@ -1,4 +1,4 @@
-"""`python -m hereditary paper`: the source's figures, and maps beyond them."""
+"""`python -m hereditary paper`: the paper's figures, and maps beyond them."""
 
 from __future__ import annotations
 
@@ -74,7 +74,7 @@ def run_paper(argv: Sequence[str]) -> int:
 def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
         prog="python -m hereditary paper",
-        description="Figures 1 to 8 of the source, bifurcation diagrams (b, c, lambda, beta, "
+        description="Figures 1 to 8 of the paper, bifurcation diagrams (b, c, lambda, beta, "
         "gamma) and regime maps (b-c, lambda-c, beta-gamma): PNG, PDF and the data as NPZ.",
     )
     parser.add_argument("--out", required=True, help="folder of the figures; made if need be")

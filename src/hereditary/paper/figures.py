@@ -1,4 +1,4 @@
-"""Figures 1 to 8 of the source, at its own step and converged.
+"""Figures 1 to 8 of the paper, at its own step and converged.
 
 Each function computes one figure, saves it with its table, and returns what it found in lines.
 """
@@ -17,7 +17,7 @@ from .job import Job, merged
 from .runs import CLASSICAL, exponents, growth_exponent, orbit, signs
 
 T_END = 100.0
-# Steps of length tau = 0.005, which fits the source's figures.
+# Steps of length tau = 0.005, which fits the paper's figures.
 N_STEPS = 20_000
 # Steps of a tenth of this length.
 FINE_STEPS = 200_000
@@ -44,13 +44,13 @@ def figure_3(job: Job) -> list[str]:
 
 
 def figure_6(job: Job) -> list[str]:
-    """Draw exponents over the friction lambda; signs of the source are for b = 2.5."""
+    """Draw exponents over the friction lambda; signs of the paper are for b = 2.5."""
     speeds = {"b = 1": {}, "b = 2.5": {"spring_speed": 2.5}}
     return _spectra(job, "figure_6", {"friction": FRICTIONS}, speeds)
 
 
 def figure_2(job: Job) -> list[str]:
-    """Draw orbits at the spring speeds of the source: 1, 2.5, and 0.25 (misprinted there)."""
+    """Draw orbits at the spring speeds of the paper: 1, 2.5, and 0.25 (misprinted there)."""
     return _orbits(job, "figure_2", "spring_speed", "b", (0.25, 1.0, 2.5))
 
 
@@ -70,7 +70,7 @@ def figure_7(job: Job) -> list[str]:
 
 
 def figure_8(job: Job) -> list[str]:
-    """Draw exponents over the orders, at the source's 8,000 steps, at 200,000, and further on."""
+    """Draw exponents over the orders, at the paper's 8,000 steps, at 200,000, and further on."""
     panels = {
         "beta": (INERTIA_ORDERS, {"gamma": 0.8}, r"$\gamma = 0.8$"),
         "gamma": (FRICTION_ORDERS, {"beta": 1.1}, r"$\beta = 1.1$"),
@@ -230,7 +230,7 @@ def _one_orbit(
     coarse: Sequence[Any],
     title: str,
 ) -> None:
-    """Draw a column of a figure of orbits: collocation, and the source's step behind it."""
+    """Draw a column of a figure of orbits: collocation, and the paper's step behind it."""
     place, speed = rows
     for ax, values, behind in zip(axes[:2], rows, coarse[:2], strict=True):
         ax.plot(times, behind, lw=0.7, color="#D55E00", label=r"$\tau = 0.005$")

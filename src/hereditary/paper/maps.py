@@ -1,4 +1,4 @@
-"""Beyond the source: bifurcation diagrams and maps of dynamic regimes.
+"""Beyond the paper: bifurcation diagrams and maps of dynamic regimes.
 
 The source announces both as future work.
 """
@@ -54,7 +54,7 @@ def bifurcation_lambda(job: Job) -> list[str]:
 
 
 def bifurcation_beta(job: Job) -> list[str]:
-    """Draw samples over the order of inertia: the source's orbit and an irregular one."""
+    """Draw samples over the order of inertia: the paper's orbit and an irregular one."""
     panels = {
         r"$\gamma = 0.8$, $c = 50$": {},
         r"$\gamma = 1$, $c = 7$": {"gamma": 1.0, "adhesion": 7.0},
@@ -65,7 +65,7 @@ def bifurcation_beta(job: Job) -> list[str]:
 
 
 def bifurcation_gamma(job: Job) -> list[str]:
-    """Draw samples over the order of friction: the source's orbit and an irregular one."""
+    """Draw samples over the order of friction: the paper's orbit and an irregular one."""
     panels = {
         r"$\beta = 1.8$, $c = 50$": {},
         r"$\beta = 2$, $c = 7$": {"beta": 2.0, "adhesion": 7.0},
@@ -92,7 +92,7 @@ def regimes_lambda_c(job: Job) -> list[str]:
 
 
 def regimes_beta_gamma(job: Job) -> list[str]:
-    """Draw regimes over both orders, for the source's adhesion and an irregular one."""
+    """Draw regimes over both orders, for the paper's adhesion and an irregular one."""
     grid = {"gamma": np.linspace(0.05, 1.0, 60), "beta": np.linspace(1.05, 2.0, 60)}
     panels = {"$b = 1$, $c = 50$": {}, "$b = 1$, $c = 7$": {"adhesion": 7.0}}
     return _map(job, "regimes_beta_gamma", grid, panels)

@@ -1,8 +1,8 @@
 """Computations at one point of a figure.
 
 The functions are at the top of a module, so that processes can import them. `parameters` are those
-of the stick-slip scene, with the defaults of the source: b 1, c 50, lambda 0.25, omega 1, x(0) 0.2,
-x'(0) 0.3. The classical examples of the source are `CLASSICAL`.
+of the stick-slip scene, with the defaults of the paper: b 1, c 50, lambda 0.25, omega 1, x(0) 0.2,
+x'(0) 0.3. The classical examples of the paper are `CLASSICAL`.
 """
 
 from __future__ import annotations
@@ -46,7 +46,7 @@ def wells_period(spring_speed: float = 1.0, omega: float = 1.0, **others: Any) -
 def growth_exponent(
     *, t_end: float, n_steps: int | None = None, rtol: float | None = None, **parameters: Any
 ) -> dict[str, Any]:
-    """Return the leading exponent over [0, t_end], by the source's scheme or collocation."""
+    """Return the leading exponent over [0, t_end], by the paper's scheme or collocation."""
     how: dict[str, Any] = {"rtol": rtol, "scheme": Collocation()}
     if rtol is None:
         how = {"n_steps": n_steps, "scheme": ExplicitCaputo()}
@@ -87,7 +87,7 @@ def orbit(
 ) -> tuple[np.ndarray, np.ndarray, list[tuple[float, float]]]:
     """Place and velocity at given times, and the stays in the wells [(start, end)].
 
-    By collocation, or with `n_steps` of the source's scheme.
+    By collocation, or with `n_steps` of the paper's scheme.
     """
     how = {"rtol": rtol} if n_steps is None else {"n_steps": n_steps, "scheme": ExplicitCaputo()}
     solution = solve(stick_slip(**parameters), float(times[-1]), **how, estimate=False)
@@ -116,7 +116,7 @@ def section(
 def regime(*, t_end: float, n_steps: int, **parameters: Any) -> dict[str, Any]:
     """Return the regime of an orbit, checked by one with twice the step.
 
-    A scheme of second order: at these steps the source's own turns some of the verdicts.
+    A scheme of second order: at these steps the paper's own turns some of the verdicts.
     """
     equation, scheme = stick_slip(**parameters), BDF(2)
     n_steps = _solvable(n_steps, t_end, **parameters)

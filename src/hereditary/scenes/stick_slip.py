@@ -110,7 +110,7 @@ def stick_slip(
 
     Notes
     -----
-    The force has the sign of eqs. (2) and (3) of the source, with which its figures were computed.
+    The force has the sign of eqs. (2) and (3) of the paper, with which its figures were computed.
     Minus the gradient of its eq. (1) has the opposite sign. With the sign used here, the load is in
     wide wells between narrow barriers at the multiples of 2 pi.
 
@@ -160,7 +160,7 @@ def well_coefficients(n: int) -> np.ndarray:
     Parameters
     ----------
     n : int
-        Number of coefficients; the source prints seven of them to three decimals.
+        Number of coefficients; the paper prints seven of them to three decimals.
 
     Returns
     -------
