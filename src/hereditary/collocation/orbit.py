@@ -14,7 +14,7 @@ from scipy.special import rgamma
 
 from ..compiled.linalg import product
 from ..kernels.memory_kernel import NO_ERRORS
-from ..kernels.mode_bank import Bank
+from ..kernels.mode_bank import Bank, damping
 from .exponential_basis import NO_KERNELS, NO_POWER_LAWS, kernel_basis, power_law_basis
 from .first_rule import LEFT_OUT, Variable, at_rule, graded_rule
 from .operators import ITSELF, SLOPE
@@ -239,10 +239,10 @@ class OrbitAndTangents:
         if self.last_length == 0.0:
             return base
         n = self.power_laws.rates.size
-        damped = self.bank.real_modes(_damping(self.bank.rates, distances).conj(), axis=0)
+        damped = self.bank.real_modes(damping(self.bank.rates, distances).conj(), axis=0)
         base += self.modes[..., n:] @ damped[n:]
         # the last step by quadrature, for it is closer than the modes hold; all before it by modes
-        base += self.before[..., :n] @ _damping(self.power_laws.rates, self.last_length + distances)
+        base += self.before[..., :n] @ damping(self.power_laws.rates, self.last_length + distances)
         _, v, weights = graded_rule()
         log_u, integrands = log_distances - np.log(self.last_length), self._integrands()
         u = np.exp(log_u)
@@ -283,7 +283,7 @@ class OrbitAndTangents:
         rates = bank.rates * self.last_length
         values, functions = self._nodal()
         _, v, rule = graded_rule()
-        damped, weights = bank.real_modes(_damping(rates, v), axis=0), self.last_length * rule
+        damped, weights = bank.real_modes(damping(rates, v), axis=0), self.last_length * rule
         integrals, of_one = _integrals(values, functions, weights, damped), damped @ weights
         advanced = bank.complex_modes(modes) * np.exp(-rates)
         for b, q in enumerate(self._form.unweighted):
@@ -316,17 +316,6 @@ def _integrals(values, functions, weights, damped):
         product(damped, functions * weights[:, None], gains)
         product(nodal, gains.T, found)
     return found.reshape(*values.shape[:-1], -1)
-
-
-def _damping(rates, times):
-    """Return ``exp(-rate * time)``, (n_rates, n_times); below 1e-304 it is as small as that."""
-    ages = np.multiply.outer(rates.real, times)
-    np.minimum(ages, 700.0, out=ages)  # results that underflow take ten times as long
-    np.negative(ages, out=ages)
-    damped = np.exp(ages, out=ages)
-    if np.isrealobj(rates):
-        return damped
-    return damped * np.exp(-1j * np.multiply.outer(rates.imag, times))
 
 
 def _round_to_decades(closest, farthest):

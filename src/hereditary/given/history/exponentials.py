@@ -23,7 +23,7 @@ from ...kernels.exponential_sum import (
     weights_of_moments,
 )
 from ...kernels.memory_kernel import KernelErrors
-from ...kernels.mode_bank import Bank
+from ...kernels.mode_bank import Bank, damping
 from ...support.checks import positive, refuse
 from ..past import LANES, STARTS, exchange_modes, exchange_nothing, exchange_rows, set_amplitudes
 from ..power_series import inverse_gamma
@@ -146,12 +146,12 @@ def _tabulated(convolution, covered, tol, n_block):
     bank = Bank.of([*sums, Bank(np.zeros(pad), np.zeros((0, pad)))])
     rates, by_key = bank.rates, dict(zip((*exponents, *kernels), bank.weights, strict=True))
     shares, start_shares = convolution.modal(rates, by_key, 2, 0)
-    ahead = _powers(rates, n_block)
+    ahead = damping(rates, np.arange(n_block + 1))
     block_weights, block_start_weights = convolution.exact(n_block + 2)
     first = convolution.first_modal
     corrections = np.zeros((shares.shape[0], first))
     corrections[:, 2:] = convolution.exact(first)[0][:, 2:]
-    corrections[:, 2:] -= (shares @ _powers(rates, first)[:, : first - 2]).real
+    corrections[:, 2:] -= (shares @ damping(rates, np.arange(first - 2))).real
     block_weights[:, 2:] = (shares @ ahead[:, :-1]).real
     n_short = min(first, n_block + 2)
     block_weights[:, :n_short] += corrections[:, :n_short]
@@ -313,11 +313,3 @@ def _refuse_beyond(covered, n_end):
     if n_end > covered:
         required = f"stay within the {covered} steps its history covers"
         refuse("resume", required, f"a run to step {n_end}", _REMEDY)
-
-
-def _powers(rates, n):
-    """Return powers q**0 .. q**n of ``q = exp(-rates)``, shape (M, n + 1)."""
-    powers = np.exp(-np.multiply.outer(rates, np.arange(n + 1)))
-    # products with subnormal numbers take a hundred times as long
-    powers[np.abs(powers) < 1e-290] = 0.0
-    return powers
