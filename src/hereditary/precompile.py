@@ -63,10 +63,21 @@ def _few_and_many() -> tuple[hd.Equation, hd.Equation, hd.Equation]:
 
 
 def _by_tolerance() -> list[Callable[[], Any]]:
-    """List short runs that enter all compiled loops of `rtol=`."""
+    """List short runs that enter all compiled loops of `rtol=`, and the functions of its march."""
     wave, orders = np.ones(_MANY), np.linspace(0.5, 0.9, _MANY)
-    mixed = _equation(orders, wave), _equation(orders, wave, bandwidth=(0, 0))
-    return [partial(hd.solve, eq, 1.0, rtol=1e-4) for eq in (*_few_and_many(), *mixed)]
+    one, *many = _few_and_many()
+    swinging = hd.Memory(hd.Prony([1.0 - 3.0j, 1.0 + 3.0j], [0.5, 0.5]), 0)
+    equations = [
+        one,
+        *many,
+        _equation(orders, wave),
+        _equation(orders, wave, bandwidth=(0, 0)),
+        _equation(lambda t: 0.5 + 0.0 * t),
+        _equation(0.5, jac=lambda t, y: -np.ones((1, 1))),
+        hd.Equation(hd.Caputo(1.0) + swinging, lambda t, y: -y, 1.0),
+    ]
+    runs = [partial(hd.solve, equation, 1.0, rtol=1e-4) for equation in equations]
+    return [*runs, partial(hd.lyapunov, one, 1.0, rtol=1e-4)]
 
 
 def _on_given_steps() -> list[Callable[[], Any]]:
