@@ -19,9 +19,11 @@ from scipy.integrate import solve_ivp
 from scipy.special import gamma
 
 import hereditary as hd
+from hereditary.compiled.reference import by_reference
 from hereditary.exact import mittag_leffler
 from hereditary.given.fixed_stepper import FixedStepper
 from hereditary.given.jacobian_watch import JacobianWatch
+from hereditary.given.signatures import HISTORY_TABLES, MEMORY
 from hereditary.given.steps import UniformSteps
 
 ALPHA, POINTS = 0.7, 20
@@ -136,7 +138,8 @@ def bandwidth(quick):
     stepper = FixedStepper(system, hd.L1(), hd.SumOfExponentials(), UniformSteps(1e-3), 1000)
     memory, march, groups = stepper.memory, stepper._march, np.zeros(d, dtype=np.int64)
     march.pieces[:] = 1e-3
-    arrays = memory.tables, memory.arrays
+    parts = (memory.tables, HISTORY_TABLES), (memory.arrays, MEMORY)
+    arrays = [by_reference(*part) for part in parts]
 
     def exchange():
         memory.exchange(march.lag, march.pieces, 32, groups, *arrays)

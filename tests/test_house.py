@@ -33,17 +33,8 @@ def test_files_and_functions_are_small(path):
             assert not hidden, f"{node.name} imports"
 
 
-# Functions of the march on given steps, and of analyses, that get their arrays one by one.
-MANY = {
-    "harmonic_balance.py", "lyapunov.py", "jacobian.py", "block.py", "growing_march.py",
-    "newton.py", "past.py", "step.py",
-}  # fmt: skip
-
-
 @pytest.mark.parametrize("path", FILES, ids=lambda p: str(p.relative_to(SOURCE)))
 def test_compiled_functions_have_a_record_and_five_values_at_most(path):
-    if path.name in MANY and "collocation" not in path.parts:
-        return
     for node in ast.walk(ast.parse(path.read_text())):
         found = {
             getattr(getattr(each, "func", each), "id", "")

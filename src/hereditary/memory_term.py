@@ -17,6 +17,7 @@ from .given.fixed_stepper import BLOCK
 from .given.history.exponentials import SumOfExponentials
 from .given.history.history import History
 from .given.plan import Plan
+from .given.signatures import MarchMemory
 from .given.steps import UniformSteps
 from .kernels.memory_kernel import MemoryKernel, warn_of_fit
 from .stepping.scheme import Scheme
@@ -126,8 +127,8 @@ class MemoryTerm:
         n, memory = self.n, self._memory
         memory.prepare(min(n + BLOCK, self._how["steps"]))
         memory.reach(n, self._pieces, self._groups)
-        arrays = memory.exchange, memory.tables, memory.arrays
-        open_lag(self._lag, self._pieces, n, self._groups, memory.block_weights, *arrays)
+        known = MarchMemory(memory.exchange, memory.tables, memory.arrays)
+        open_lag(self._lag, self._pieces, n, self._groups, memory.block_weights, known)
 
     def absorb(self, u: ArrayLike) -> None:
         """Take in the solution at the end of a step.

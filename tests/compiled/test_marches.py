@@ -51,8 +51,8 @@ def allocated():
 
 
 def several(run):
-    """Run a few times, and check that what the first leaves allocated is all."""
-    first = run()
+    """Run a few times, and check that no more is allocated than for two results."""
+    first, again = run(), run()
     before = allocated()
     for _ in range(1 if config.DISABLE_JIT else 4):
         again = run()
@@ -73,3 +73,55 @@ def test_tangents_of_marches_by_a_tolerance(name):
     equation = KINDS[name]()
     one, other = several(lambda: hd.lyapunov(equation, 0.5, rtol=1e-3, k=1))
     assert np.array_equal(one.exponents, other.exponents)
+
+
+SCHEMES = {
+    "explicit": hd.ExplicitCaputo(),
+    "implicit": hd.BDF(2),
+    "predictor-corrector": hd.Adams(),
+}
+HISTORIES = hd.Direct(), hd.FFT(), hd.SumOfExponentials()
+# What one of these schemes does not take.
+REFUSED = {
+    "implicit": {"kernel", "varying"},
+    "predictor-corrector": {"kernel", "varying", "two terms"},
+}
+GIVEN = [
+    (kind, scheme) for kind in KINDS for scheme in SCHEMES if kind not in REFUSED.get(scheme, ())
+]
+
+
+@pytest.mark.parametrize(("name", "scheme"), GIVEN)
+def test_marches_on_given_steps(name, scheme):
+    equation, scheme = KINDS[name](), SCHEMES[scheme]
+    one, other = several(lambda: hd.solve(equation, 0.5, 80, scheme=scheme))
+    assert one.success
+    assert np.array_equal(one.y, other.y)
+
+
+@pytest.mark.parametrize(("name", "scheme"), GIVEN)
+def test_tangents_of_marches_on_given_steps(name, scheme):
+    equation, scheme = KINDS[name](), SCHEMES[scheme]
+    one, other = several(lambda: hd.lyapunov(equation, 0.5, 80, scheme=scheme, k=1, verify=False))
+    assert np.array_equal(one.exponents, other.exponents)
+
+
+@pytest.mark.parametrize("history", HISTORIES, ids=repr)
+@pytest.mark.parametrize("scheme", SCHEMES)
+def test_histories_of_marches_on_given_steps(scheme, history):
+    equation, how = decay(0.5), {"scheme": SCHEMES[scheme], "history": history}
+    one, other = several(lambda: hd.solve(equation, 0.5, 80, **how))
+    assert np.array_equal(one.y, other.y)
+
+
+@pytest.mark.parametrize("history", [hd.Direct(), hd.SumOfExponentials()], ids=repr)
+def test_marches_on_meshes(history):
+    how = {"mesh": hd.graded(40, 2.0), "scheme": hd.L1(), "history": history}
+    one, other = several(lambda: hd.solve(decay(0.5), 0.5, **how))
+    assert np.array_equal(one.y, other.y)
+
+
+def test_marches_with_a_linear_part():
+    equation = decay(0.5, linear=[[-10.0]])
+    one, other = several(lambda: hd.solve(equation, 0.5, 80, scheme=hd.IMEX(hd.L1())))
+    assert np.array_equal(one.y, other.y)

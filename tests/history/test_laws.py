@@ -7,10 +7,11 @@ from hypothesis import strategies as st
 from strategies import orders, sequences
 
 import hereditary as hd
+from hereditary.compiled.reference import by_reference
 from hereditary.given.fixed_stepper import FixedStepper
 from hereditary.given.past import exchange_direct
 from hereditary.given.plan import Convolution
-from hereditary.given.signatures import Tables, held
+from hereditary.given.signatures import HISTORY_TABLES, MEMORY, Tables, held
 from hereditary.given.steps import UniformSteps
 from hereditary.given.weights import FIRST_DIFFERENCES, SECOND_DIFFERENCES
 from hereditary.kernels.step_kernel import PowerSteps
@@ -49,7 +50,8 @@ def feed(memory, pieces, first_block=0, last_block=None):
         if b:
             handed[:] = padded[:, n - N_BLOCK : n + 1]
         lag = np.zeros((width, N_BLOCK))
-        memory.exchange(lag, handed, n, groups, memory.tables, memory.arrays)
+        tables = by_reference(memory.tables, HISTORY_TABLES)
+        memory.exchange(lag, handed, n, groups, tables, by_reference(memory.arrays, MEMORY))
         lags.append(lag)
     return np.concatenate(lags, axis=1)
 

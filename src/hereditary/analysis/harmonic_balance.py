@@ -6,9 +6,8 @@ from typing import Any
 
 import numpy as np
 
-from ..compiled.jacobian import jacobian
-from ..compiled.jit import F8, I8, MAT, VEC, entry
-from ..compiled.signatures import JAC, RHS
+from ..compiled.jit import F8, MAT, VEC, entry
+from ..compiled.signatures import RIGHT_SIDE
 from ..equation.equation import Equation
 from ..support.checks import refuse, shown
 
@@ -22,12 +21,9 @@ _CHANGE = 1e-7
 _FREE = 1e-7
 
 
-@entry(RHS, JAC, I8, VEC, F8, MAT, VEC, MAT, MAT)
+@entry(RIGHT_SIDE, F8, MAT, VEC, MAT, MAT)
 def _over_a_period(
-    rhs: Any,
-    jac: Any,
-    has_jac: int,
-    params: np.ndarray,
+    right: Any,
     omega: float,
     y: np.ndarray,
     units: np.ndarray,
@@ -42,10 +38,10 @@ def _over_a_period(
     out = np.empty((d, d))
     for i in range(n):
         t = 2.0 * np.pi * i / (n * omega)
-        rhs(t, y[i], f[i], params)
+        right.user.rhs(t, y[i], f[i], right.user.params)
         if i >= j_f.shape[0]:
             continue
-        jacobian(rhs, jac, has_jac, t, y[i], params, units, out)
+        right.jacobian(right.user, t, y[i], units, out)
         for a in range(d):
             for b in range(d):
                 j_f[i, a * d + b] = out[a, b]
@@ -155,8 +151,9 @@ class Balance:
         y = np.ascontiguousarray((np.vstack([rows, beside]) @ self._basis.T).T)
         f, j_f = np.empty(y.shape), np.empty((self._n if derivative else 0, system.d**2))
         units = np.maximum(np.abs(y).max(axis=0), self._units)
-        rhs, jac, has_jac, _ = system.compiled
-        _over_a_period(rhs, jac, has_jac, self._params, omega, y, units, f, j_f)
+        right = system.compiled
+        right = right._replace(user=right.user._replace(params=self._params))
+        _over_a_period(right, omega, y, units, f, j_f)
         found = ((left[:d] @ rows[..., None])[..., 0] - (self._project @ f[:, :d]).T) / own
         if not derivative:
             return found.ravel(), None

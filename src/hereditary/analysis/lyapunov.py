@@ -7,7 +7,7 @@ import time
 from contextlib import suppress
 from dataclasses import replace
 from functools import partial
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -15,11 +15,11 @@ from numpy.typing import ArrayLike
 from ..collocation.method import Collocation
 from ..collocation.reading import reduced
 from ..compiled.callbacks import pass_on
-from ..compiled.jacobian import jacobian
-from ..compiled.jit import F8, I8, MAT, VEC, entry
+from ..compiled.jit import F8, MAT, VEC, Matrix, Vector, compiled_type, entry
 from ..compiled.records import record
+from ..compiled.reference import Reference
 from ..compiled.schedule import SCHEDULE
-from ..compiled.signatures import JAC, RHS
+from ..compiled.signatures import RightSide
 from ..equation.equation import Equation, current_equation
 from ..equation.system import System, distinct_components
 from ..given.history.exponentials import SumOfExponentials
@@ -557,28 +557,31 @@ class Divergence:
         """Return the divergence at rows (k, d) of the orbit, the first one at mark n."""
         found, system = np.full(len(rows), self._constant), self._system
         rows = np.ascontiguousarray(rows)
-        how = n * self._h, self._h, rows, self._shares, system.positive_units
-        _add_traces(*system.compiled, *how, np.empty((system.d, system.d)), found)
+        room = np.empty((system.d, system.d))
+        traces = _Traces(system.compiled, self._h, self._shares, system.positive_units, room)
+        _add_traces(traces, n * self._h, rows, found)
         return found
 
 
-@entry(RHS, JAC, I8, VEC, F8, F8, MAT, VEC, VEC, MAT, VEC)
-def _add_traces(
-    rhs: Any,
-    jac: Any,
-    has_jac: int,
-    params: np.ndarray,
-    t: float,
-    h: float,
-    rows: np.ndarray,
-    shares: np.ndarray,
-    units: np.ndarray,
-    j_f: np.ndarray,
-    found: np.ndarray,
-) -> None:
+class _Traces(NamedTuple):
+    """Weighted traces of the Jacobian at times h apart.
+
+    - shares (d,): weights of the diagonal; units (d,): for differences; jacobian (d, d): room.
+    """
+
+    right: RightSide
+    h: float
+    shares: Vector
+    units: Vector
+    jacobian: Matrix
+
+
+@entry(Reference(compiled_type(_Traces)), F8, MAT, VEC)
+def _add_traces(m: Any, t: float, rows: np.ndarray, found: np.ndarray) -> None:
     """Add ``sum_j shares_j d f_j / d x_j`` of rows (k, d), the first one at time t, to found."""
+    right, shares, j_f = m.right, m.shares, m.jacobian
     for k in range(rows.shape[0]):
-        jacobian(rhs, jac, has_jac, t + k * h, rows[k], params, units, j_f)
+        right.jacobian(right.user, t + k * m.h, rows[k], m.units, j_f)
         for j in range(rows.shape[1]):
             found[k] += shares[j] * j_f[j, j]
 

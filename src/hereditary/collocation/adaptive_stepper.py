@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..compiled.jacobian import LEAST, right_side
+from ..compiled.jacobian import LEAST
 from ..compiled.records import plain
 from ..equation.system import refuse_late
 from ..functions.differences import wrong_jacobian
@@ -504,9 +504,8 @@ class AdaptiveStepper(ResumableStepper, TangentStepper, JumpingStepper):
         operators = empty_operators(*columns, equations.kinds, shape[3])
         weights = empty_weights(equations, arrays.modes, shape[1], shape[3])
         varying = self._orders.compiled(orbit.of_varying)
-        right = right_side(self._marched.compiled, sparse=self._marched.structure is not None)
         _, status = march_adaptive(march_of(AdaptiveWork(
-            right, equations, rule, basis, tables, varying, arrays,
+            self._marched.compiled, equations, rule, basis, tables, varying, arrays,
             self._state, steps, limits, stages.solver, stages.stages, operators, weights, room,
         )))  # fmt: skip
         return status
@@ -687,7 +686,7 @@ class AdaptiveStepper(ResumableStepper, TangentStepper, JumpingStepper):
         ended = ended._replace(detail="; ".join(found))
         if not self._marched.has_jac:
             return ended
-        rhs, jac, _, params = self._marched.compiled
+        rhs, jac, params = self._marched.compiled.user
         at = self._orbit.x[0], params, self._marched.structure, self.t
         return ended._replace(detail=wrong_jacobian(rhs, jac, *at) or ended.detail)
 

@@ -1,14 +1,9 @@
-"""Types of function values: right-hand sides, Jacobians, and linear solvers of many components."""
+"""Right-hand sides, Jacobians, and linear solvers of many components: records and signatures."""
 
 from typing import Annotated, Any, NamedTuple
 
-from numba import types
-
 from .jit import F8, I8, JAC_SIG, MAT, RHS_SIG, VEC, Cube, Integers, Vector, compiled_type
 from .reference import FunctionField, Reference
-
-RHS = types.FunctionType(RHS_SIG)
-JAC = types.FunctionType(JAC_SIG)
 
 
 class UserFunctions(NamedTuple):
@@ -59,7 +54,6 @@ class LinearSolver(NamedTuple):
     few: int = 0
 
 
-LINEAR = compiled_type(LinearSolver)
+LINEAR = Reference(compiled_type(LinearSolver))
 # task, number, matrix, vector that the solution replaces; 0 where it is done
 SOLVER_SIG = I8(I8, I8, MAT, VEC, LINEAR)
-SOLVER = types.FunctionType(SOLVER_SIG)

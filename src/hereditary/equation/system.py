@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..compiled.jacobian import VALUES, jacobian_at, no_jacobian, right_side
-from ..compiled.jit import JAC_SIG, as_value
+from ..compiled.jacobian import VALUES, jacobian_at, right_side
+from ..compiled.signatures import RightSide
 from ..functions.differences import units_of
 from ..support.checks import refuse
 from .frame import Frame
@@ -122,10 +122,10 @@ class System:
         return self.compiled_jac is not None
 
     @property
-    def compiled(self) -> tuple[Any, Any, int, np.ndarray]:
-        """Right-hand side, Jacobian, whether that is given, and parameters for compiled code."""
-        jac = self.compiled_jac if self.has_jac else as_value(no_jacobian, JAC_SIG)
-        return self.compiled_rhs, jac, int(self.has_jac), self.compiled_params
+    def compiled(self) -> RightSide:
+        """Right-hand side, its Jacobian and parameters for the records of compiled code."""
+        how = self.compiled_rhs, self.compiled_jac, self.compiled_params
+        return right_side(*how, sparse=self.structure is not None)
 
     @property
     def params(self) -> np.ndarray:
@@ -220,9 +220,8 @@ class System:
         structure, d = self.structure, self.d
         out = np.empty((d, d)) if structure is None else structure.entries.copy()
         y = np.array(y, dtype=float)
-        right = right_side(self.compiled, sparse=structure is not None)
         units = self.positive_units if units is None else units
-        jacobian_at(right, float(t), y, units, out)
+        jacobian_at(self.compiled, float(t), y, units, out)
         return out if structure is None else structure.matrix(out[VALUES])
 
     @cached_property

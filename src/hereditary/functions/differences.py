@@ -5,8 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from ..compiled.jacobian import FEW, LEAST, VALUES, extend, jacobian_at, no_jacobian, right_side
-from ..compiled.jit import JAC_SIG, as_value
+from ..compiled.jacobian import FEW, LEAST, VALUES, extend, jacobian_at, right_side
 from ..support.checks import complaint
 
 # Steps of the two differences, in units of the size of a component.
@@ -116,8 +115,7 @@ def _deviation(
     values, shifts = np.empty((2, 2, *directions.shape)), lengths[:, None] * directions
     try:
         if jac is None:
-            none = as_value(no_jacobian, JAC_SIG)
-            jacobian_at(right_side((rhs, none, 0, params), sparse=True), t, y, units, entries)
+            jacobian_at(right_side(rhs, None, params, sparse=True), t, y, units, entries)
         else:
             jac(t, y.copy(), entries, params)
         for step, (above, below) in zip(_STEPS, values, strict=True):

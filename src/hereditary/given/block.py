@@ -1,9 +1,7 @@
 """Parts of the march: open a block, add known terms, start the memory, write rows."""
 
-from ..compiled.jacobian import jacobian
 from ..compiled.jit import I8, IVEC, MAT, VEC, entry, inlined, inner
-from .signatures import EXCHANGE, HISTORY_TABLES, MEMORY
-from .step import UNITS
+from .signatures import MARCH_MEMORY
 
 # Ratio of neighbouring steps from which no parabola tells the slope.
 _STEEP = 8.0
@@ -14,7 +12,7 @@ NOT_SOLVED = 2  # the equations of a step could not be solved
 
 
 @inner
-def open_block(lag, pieces, n, groups, weights, exchange, tables, memory):
+def open_block(lag, pieces, n, groups, weights, memory):
     """Set the lag of the block from step n on, and move the newest piece to its front."""
     newest = pieces.shape[1] - 1
     for c in range(lag.shape[0]):
@@ -22,23 +20,26 @@ def open_block(lag, pieces, n, groups, weights, exchange, tables, memory):
         lag[c, 0] = 0.0  # the nearest weight is the scheme's own
         for i in range(1, lag.shape[1]):
             lag[c, i] = w[i + 1] * pieces[c, newest]
-    exchange(lag, pieces, n, groups, tables, memory)
+    memory.exchange(lag, pieces, n, groups, memory.tables, memory.arrays)
     for c in range(lag.shape[0]):
         pieces[c, 0] = pieces[c, newest]
 
 
 @inner
-def keep_jacobian(rhs, jac, has_jac, params, t, orbit, k, output, counts):
+def keep_jacobian(m, t, k):
     """Keep the Jacobian of a step as number k."""
-    units = output.room[UNITS]
-    counts.rhs += jacobian(rhs, jac, has_jac, t, orbit, params, units, output.jacobians[k])
+    right, orbit = m.right, m.state.x[: m.table.n_orbit]
+    out = m.output.jacobians[k]
+    m.state.counts.rhs += right.jacobian(right.user, t, orbit, m.room.units, out)
 
 
 @inner
-def begin_start(v, values, first, n_starts, groups, weights, lag, start):
+def begin_start(m, v, values, first):
     """Store start value v of each column, and add it to the first block from step `first` on."""
     # values (W,), weights (V C, B + 2), or (V C, 0) where the history takes them by itself
     # lag (W, B), start (W, V length): memory of start values
+    groups, weights = m.table.groups, m.table.start_weights
+    lag, start, n_starts = m.state.lag, m.memory.arrays.starts, max(1, m.state.starts.shape[1])
     length, n_groups = start.shape[1] // n_starts, weights.shape[0] // n_starts
     for c in range(lag.shape[0] if weights.shape[1] > 0 else 0):
         for i in range(v * length, (v + 1) * length):
@@ -48,20 +49,23 @@ def begin_start(v, values, first, n_starts, groups, weights, lag, start):
 
 
 @inner
-def begin_others(starts, values, first, n_starts, groups, weights, lag, start):
-    """Store all start values but the first one, of each column, with `values` (W,) as room."""
-    for v in range(1, n_starts):
+def begin_others(m):
+    """Store all start values but the first one of each column."""
+    starts, values = m.state.starts, m.room.known
+    for v in range(1, starts.shape[1]):
         for c in range(values.shape[0]):
             values[c] = starts[c, v]
-        begin_start(v, values, first, n_starts, groups, weights, lag, start)
+        begin_start(m, v, values, 0)
 
 
 @inlined
-def write_row(k, rows, slopes, x, u, d, h, ratio):
+def write_row(m, k, h, ratio):
     """Write row k, with the slope at its end of the parabola through the last three values.
 
     Where steps grow or shrink by more than _STEEP at once, that of a line.
     """
+    rows, slopes = m.output.rows, m.output.slopes
+    x, u, d = m.state.x, m.state.increment, m.state.change
     lean = 0.5 if ratio <= _STEEP and _STEEP * ratio >= 1.0 else 0.0
     for c in range(rows.shape[1]):
         rows[k, c], slopes[k, c] = x[c], (u[c] + lean * d[c]) / h
@@ -76,10 +80,10 @@ def bounded(x):
     return True
 
 
-@entry(MAT, MAT, I8, IVEC, MAT, EXCHANGE, HISTORY_TABLES, MEMORY)
-def open_lag(lag, pieces, n, groups, weights, exchange, tables, memory):
+@entry(MAT, MAT, I8, IVEC, MAT, MARCH_MEMORY)
+def open_lag(lag, pieces, n, groups, weights, memory):
     """Set the lag (W, B) of the block from step n on, and move the newest piece to its front."""
-    open_block(lag, pieces, n, groups, weights, exchange, tables, memory)
+    open_block(lag, pieces, n, groups, weights, memory)
 
 
 @entry(I8, VEC, VEC, MAT, MAT)

@@ -7,8 +7,9 @@ from functools import partial
 import numpy as np
 
 from ..compiled.jit import loop_value
-from ..compiled.records import plain, record
-from ..compiled.signatures import FACTORISE
+from ..compiled.records import plain, record, records
+from ..compiled.reference import by_reference
+from ..compiled.signatures import FACTORISE, LINEAR
 from ..equation.system import refuse_late, variational
 from ..kernels.memory_kernel import misfit_on_given_steps
 from ..stepping.dense import StepPieces
@@ -25,13 +26,22 @@ from ..stepping.stepper import (
 from ..support.checks import refuse
 from .block import BLOWN_UP, NOT_SOLVED, RUNNING
 from .first_steps import starting_steps
-from .growing_march import LOST, grow, transform_march
+from .growing_march import LOST, Renormalisations, grow, transform_march
 from .jacobian_watch import JacobianWatch, remedy_of
 from .linear_solvers import newton_of
 from .march import MARCHES
 from .riemann_liouville import with_initial_values
-from .signatures import MARCH_COUNTS, MARCH_SIG, MONITOR, March, MarchOutput, StepTable
-from .step import N_ROOM, POINT, UNITS, F
+from .signatures import (
+    MARCH_COUNTS,
+    MARCH_SIG,
+    MONITOR,
+    GivenMarch,
+    March,
+    MarchMemory,
+    MarchOutput,
+    StepArrays,
+    StepTable,
+)
 from .steps import before_break, break_steps, rows_beside
 
 # Steps in a block. Measured with 56 modes: 74, 75 and 85 ns a step at 16, 32 and 64, where the
@@ -147,7 +157,7 @@ class FixedStepper(ResumableStepper, TangentStepper, JumpingStepper):
             change=np.zeros(width),
             lag=np.zeros((width, self._block)),
             pieces=np.zeros((width, self._block + 1)),
-            monitor=np.zeros(self._marched.d, MONITOR).view(np.recarray),
+            monitor=records(np.zeros(self._marched.d, MONITOR), MONITOR),
             shift=plan.shift[columns].copy(),
             drift=drift,
             corrections=corrections,
@@ -157,8 +167,9 @@ class FixedStepper(ResumableStepper, TangentStepper, JumpingStepper):
             newton=self._newton.room,
         )
         self._march.monitor["turns"][: orders.size] = np.where(orders == 2, -1.0, 0.0)
-        self._room = np.empty((N_ROOM, width))
-        self._room[UNITS, : self._marched.d] = self._marched.positive_units
+        room = np.empty((len(StepArrays._fields) - 1, width))
+        self._room = StepArrays._make([*room, self._marched.positive_units])
+        self._right = self._marched.compiled
 
     def set_breaks(self, times, t_end):
         """Let the steps beside these times see jumps from their own side."""
@@ -223,17 +234,25 @@ class FixedStepper(ResumableStepper, TangentStepper, JumpingStepper):
 
     def _enter(self, n_end, rows, slopes):
         """Enter the compiled march once; watch the stability along the orbit."""
-        system, start = self._marched, self.system.frame.start
+        memory, start = self.memory, self.system.frame.start
         if self.n in self._breaks:
             self._forget_explicit()
         jacobians = self._watch.room(self.n, n_end)
         try:
             return self._loop(
-                *system.compiled, self.memory.exchange, self.memory.tables, self.memory.arrays,
-                self._newton.solver, self._newton.tables, self._table,
-                rows_beside(self._breaks, self.n, self._rows, self.steps, start), self._march,
-                MarchOutput(rows, slopes, jacobians, self._room, self.n, n_end), n_end,
-            )  # fmt: skip
+                GivenMarch(
+                    right=self._right,
+                    memory=MarchMemory(memory.exchange, memory.tables, memory.arrays),
+                    solver=self._newton.solver,
+                    linear=self._newton.tables,
+                    table=self._table,
+                    rows=rows_beside(self._breaks, self.n, self._rows, self.steps, start),
+                    state=self._march,
+                    room=self._room,
+                    output=MarchOutput(rows, slopes, jacobians, self.n),
+                ),
+                n_end,
+            )
         finally:
             self._watch.note(jacobians, self.n)
 
@@ -273,7 +292,8 @@ class FixedStepper(ResumableStepper, TangentStepper, JumpingStepper):
             return failed(self._error)
         statuses = {BLOWN_UP: Status.BLOWN_UP, NOT_SOLVED: Status.NOT_SOLVED}
         detail = "the matrix of a step is singular" if self.scheme.solve == "imex" else ""
-        tried, force = self._room[[POINT, F], : self._marched.d]
+        d = self._marched.d
+        tried, force = self._room.point[:d], self._room.f[:d]
         if (
             self.scheme.solve == "newton"
             and np.isfinite(tried).all()
@@ -320,7 +340,7 @@ class FixedStepper(ResumableStepper, TangentStepper, JumpingStepper):
         """Come back to where `checkpoint` was taken."""
         (counts, *parts), memory, watched = checkpoint
         march = March(record(MARCH_COUNTS, tuple(counts[0])), *(part.copy() for part in parts))
-        monitor = np.array([tuple(row) for row in march.monitor], MONITOR).view(np.recarray)
+        monitor = records([tuple(row) for row in march.monitor], MONITOR)
         newton = self._newton.taken_over(march)
         self._march = march._replace(newton=newton, monitor=monitor)
         self.memory.restore(memory)
@@ -332,7 +352,8 @@ class FixedStepper(ResumableStepper, TangentStepper, JumpingStepper):
         """Factorise the matrix whose factors are in force, after the march went elsewhere."""
         if self._march.counts["kept"]:
             solver, tables = self._newton.solver, self._newton.tables
-            solver(FACTORISE, 0, self._march.newton[1], np.empty(tables.order.size), tables)
+            room = np.empty(tables.order.size)
+            solver(FACTORISE, 0, self._march.newton[1], room, by_reference(tables, LINEAR))
 
     def stop_at(self, t):
         """Return the first step not before t, and its time."""
@@ -390,9 +411,15 @@ class FixedStepper(ResumableStepper, TangentStepper, JumpingStepper):
         """Make steps as `advance` does; compiled code makes the tangents orthonormal on the way."""
         schedule["lasting"] = self._lasting
         grown, march = [np.empty((0, 1 + self.n_tangents))], self._loop
-        above, room = self._with_speed.astype(np.int64), np.empty((self.n_data, self.n_tangents))
-        how = loop_value(march, MARCH_SIG), schedule, above, room, grown
-        self._loop = partial(_renormalising, *how)
+        growth = Renormalisations(
+            march=loop_value(march, MARCH_SIG),
+            schedule=schedule,
+            above=self._with_speed.astype(np.int64),
+            columns=np.empty((self.n_data, self.n_tangents)),
+            inverse=np.empty((self.n_tangents, self.n_tangents)),
+            grown=grown[0],
+        )
+        self._loop = partial(_renormalising, growth, grown)
         try:
             piece = self.advance(stop)
         finally:
@@ -458,11 +485,10 @@ class FixedStepper(ResumableStepper, TangentStepper, JumpingStepper):
         self._marched.compiled_params[number] = value
 
 
-def _renormalising(march, schedule, above, room, grown, *arguments):
+def _renormalising(growth, grown, march, end):
     """Enter the loop of renormalisations as the march itself is entered; add to `grown`."""
-    *_, output, end = arguments
-    rows = np.empty((end - output.first, 1 + room.shape[1]))
+    rows = np.empty((end - march.output.first, 1 + growth.columns.shape[1]))
     try:
-        return grow(march, *arguments, schedule, above, room, rows)
+        return grow(march, growth._replace(grown=rows), end)
     finally:
-        grown.append(rows[: schedule["made"]])
+        grown.append(rows[: growth.schedule["made"]])

@@ -6,13 +6,16 @@ computes ``Phi = Q R`` now and then, and multiplies all that is linear in the ta
 inverse of R.
 """
 
+from typing import Annotated, Any, NamedTuple
+
 import numpy as np
 from numba import from_dtype
 
-from ..compiled.jit import I8, IVEC, MAT, allocating, entry, inner
+from ..compiled.jit import I8, MAT, Integers, Matrix, allocating, compiled_type, entry, inner
+from ..compiled.reference import FunctionField, Reference
 from ..compiled.schedule import SCHEDULE, due, note
 from .block import RUNNING
-from .signatures import MARCH, MARCH_STATE, MARCH_VALUE, MEMORY
+from .signatures import GIVEN_MARCH, MARCH_SIG, MARCH_STATE, MEMORY
 
 # The end of a march, besides those of given/block.py, whose tangents overflowed or vanished.
 LOST = 3
@@ -109,7 +112,7 @@ def combine_tangents(state, memory, d, lasting, matrix):
         combine(vector.reshape(-1, 1), d, matrix)
     for array in (state.lag, state.pieces, state.drift, state.corrections, state.starts):
         combine(array, d, matrix)
-    for array in memory:
+    for array in (memory.pieces, memory.modes, memory.starts, memory.pending):
         combine(array, d, matrix)
 
 
@@ -127,39 +130,44 @@ def transform_march(state, memory, d, lasting, matrix):
     combine_tangents(state, memory, d, lasting, matrix)
 
 
-@entry(
-    MARCH_VALUE, *MARCH, from_dtype(SCHEDULE), IVEC, MAT, MAT,
-    announced="the growth of tangents",
-)  # fmt: skip
-def grow(
-    march, rhs, jac, has_jac, params, exchange, tables, memory, solver, linear, table, rows, state,
-    output, end, schedule, above, columns, grown,
-):  # fmt: skip
-    """March to step `end`, renormalising on the way; return how the march ended.
+class Renormalisations(NamedTuple):
+    """What renormalisations on the way of a march work on, besides its record.
 
-    Phi (n_data, k) goes into `columns`; the step and the k logarithms of each renormalisation go
-    into a row of `grown`.
+    - above (.,): components whose slopes are among the data.
+    - columns (n_data, k): Phi; inverse (k, k): of R.
+    - grown (n, 1 + k): the step and the k logarithms of each renormalisation.
     """
-    k = columns.shape[1]
-    inverse = np.empty((k, k))
+
+    march: Annotated[Any, FunctionField(MARCH_SIG)]
+    schedule: Annotated[np.void, from_dtype(SCHEDULE)]
+    above: Integers
+    columns: Matrix
+    inverse: Matrix
+    grown: Matrix
+
+
+@entry(
+    GIVEN_MARCH, Reference(compiled_type(Renormalisations)), I8,
+    announced="the growth of tangents", counted=False,
+)  # fmt: skip
+def grow(m, growth, end):
+    """March to step `end`, renormalising on the way; return how the march ended."""
+    state, schedule, columns, inverse = m.state, growth.schedule, growth.columns, growth.inverse
     schedule["made"] = 0
     while state.counts.step < end:
         stop = due(schedule)
-        status = march(
-            rhs, jac, has_jac, params, exchange, tables, memory, solver, linear, table, rows,
-            state, output, min(stop, end),
-        )  # fmt: skip
+        status = growth.march(m, min(stop, end))
         if status != RUNNING:
             return status
         if state.counts.step < stop:
             return RUNNING
-        read_tangents(state, table, above, columns)
+        read_tangents(state, m.table, growth.above, columns)
         if not triangle(columns, inverse):
             return LOST
-        combine_tangents(state, memory, table.n_orbit, schedule["lasting"], inverse)
-        row = grown[schedule["made"]]
+        combine_tangents(state, m.memory.arrays, m.table.n_orbit, schedule["lasting"], inverse)
+        row = growth.grown[schedule["made"]]
         row[0] = stop
-        for j in range(k):
+        for j in range(columns.shape[1]):
             row[1 + j] = -np.log(inverse[j, j])
         note(schedule, stop, row[1:])
         schedule["made"] += 1

@@ -5,11 +5,11 @@ By Newton's method, or at once where only a constant matrix is taken implicitly.
 
 import numpy as np
 
-from ..compiled.jacobian import jacobian, magnitudes, multiply, newton_matrix
+from ..compiled.jacobian import COLUMNS, ROWS, VALUES, is_sparse, magnitudes, multiply
 from ..compiled.jit import allocating, inlined, inner
 from ..compiled.linalg import solve_in_place
 from ..compiled.signatures import FACTORISE, SUBSTITUTE
-from .step import BASE, FIRST, GAIN, KNOWN, LEAD, MOVED, POINT, SCALE, SHIFT, UNITS, F, W, look
+from .step import look
 
 # Iterations before a step is given up.
 _MOST = 38
@@ -45,48 +45,47 @@ _STALLED = 0.5
 
 
 @inner
-def solve_step(
-    rhs, jac, has_jac, params, t, d, sources, room, point, f, work, counts, solver, linear
-):  # fmt: skip
+def solve_step(m, t):
     """Solve ``scale w + known = lead f(t, base + gain w)`` for w, and so for tangents.
 
-    The first d components have an equation; f reads all, at the w of their sources. The Jacobian
-    and the factors of an earlier step are kept while they contract (counts.kept). Return False if
-    the iteration does not converge; count the calls of `rhs`.
+    The first n_solved components have an equation; f reads all, at the w of their sources. The
+    Jacobian and the factors of an earlier step are kept while they contract (counts.kept). Return
+    False if the iteration does not converge; count the calls of `rhs`.
     """
-    # room (N_ROOM, >= n): rows of a step; point, f (n,): its rows of these names; work (2, ., .),
-    # or (3, ., .) with tangents: Jacobian, Newton's matrix, that of the tangents
-    base, gain, scale, lead, known = room[BASE], room[GAIN], room[SCALE], room[LEAD], room[KNOWN]
-    n, w, first, change = point.shape[0], room[W], room[FIRST], room[MOVED][: point.shape[0]]
-    few, previous, residual, grown = linear.few == 1, np.inf, 0.0, 0.0
+    # state.newton (2, ., .), or (3, ., .) with tangents: Jacobian, Newton's matrix, that of the
+    # tangents
+    right, room, counts, work = m.right, m.room, m.state.counts, m.state.newton
+    n, d, few = m.table.n_orbit, m.table.n_solved, m.linear.few == 1
+    base, scale, lead, known = room.base, room.scale, room.lead, room.known
+    w, first, shift, change = room.w, room.first, room.shift, room.moved[:n]
+    point, f, params = room.point[:n], room.f[:n], right.user.params
+    previous, residual, grown = np.inf, 0.0, 0.0
     fresh, stalled, done = False, False, False
     for c in range(d):
         first[c] = change[c] = w[c]
     if counts.renewed > 0:
         counts.renewed, counts.kept = counts.renewed - 1, 0
     for iteration in range(_MOST):
-        look(base, gain, sources, w, point)
-        rhs(t, point, f, params)
+        look(m, n)
+        right.user.rhs(t, point, f, params)
         counts.rhs += 1
-        if not is_finite(f, d) and not step_back(
-            rhs, params, t, d, sources, room, change, point, f, counts
-        ):
+        if not is_finite(f, d) and not step_back(m, t):
             break
         if counts.kept == 0:
-            counts.rhs += jacobian(rhs, jac, has_jac, t, point, params, room[UNITS], work[0])
-            if not few and not set_factors(0, n, d, sources, room, work, counts, solver, linear):
+            counts.rhs += right.jacobian(right.user, t, point, room.units, work[0])
+            if not few and not set_factors(m, 0):
                 return False
             counts.kept, counts.at_once, fresh, previous = 1, 0, True, np.inf
         for c in range(n):
             change[c] = lead[c] * f[c] - known[c] - scale[c] * w[c] if c < d else 0.0
         if stalled and grown < _MOST_GROWN:
-            done = within_rounding(work[0], d, lead, f, known, scale, w, point, change)
+            done = within_rounding(m, change)
         for c in range(d if previous == np.inf and not few else 0):
             residual = max(residual, abs(change[c]))
         if not few:
-            solver(SUBSTITUTE, 0, work[1], change, linear)
+            m.solver(SUBSTITUTE, 0, work[1], change, m.linear)
         else:
-            newton_matrix(work[0], n, d, sources, gain, scale, lead, work[1])
+            set_matrix(m, work[1])
             if not solve_in_place(work[1], change):
                 change[0] = np.inf
             counts.factorised += 1
@@ -94,7 +93,7 @@ def solve_step(
         for c in range(d):
             w[c] += change[c]
             size = max(size, abs(change[c]))
-            largest = max(largest, abs(w[c]) + abs(room[SHIFT, c]))
+            largest = max(largest, abs(w[c]) + abs(shift[c]))
             reference = max(reference, abs(base[c]))
         # a contraction by `rate` leaves an error of rate / (1 - rate) times the last change
         rate = size / previous if previous < np.inf else 1.0
@@ -110,13 +109,11 @@ def solve_step(
         allowed = _TOLERANCE * largest + _ROUNDING * reference + _UNDERFLOW
         allowed *= _OF_EARLIER if few and not fresh else 1.0
         if done or (size < np.inf and error <= allowed):
-            if linear.exact == 1 and rate <= _AT_ONCE and grown < _MOST_GROWN:
+            if m.linear.exact == 1 and rate <= _AT_ONCE and grown < _MOST_GROWN:
                 counts.at_once = 1
             if few and not fresh and iteration > 1:
                 counts.kept = 0  # one that takes a third call has become old
-            return room.shape[1] == n or solve_tangents(
-                rhs, jac, has_jac, params, t, d, sources, room, point, work, counts, solver, linear
-            )
+            return w.shape[0] == n or solve_tangents(m, t)
         wrong = not size < np.inf or (rate >= 1.0 and previous < np.inf)
         if wrong and fresh and not size < np.inf:
             break
@@ -142,43 +139,68 @@ def is_finite(f, d):
 
 
 @inner
-def step_back(rhs, params, t, d, sources, room, change, point, f, counts):
+def step_back(m, t):
     """Take back half of the last change of w until f is finite; return whether it is.
 
     If it never is, the change is replaced by that of functional iteration. Next to an edge where
     the slope of f is infinite Newton's method may point out of the domain.
     """
-    w = room[W]
+    user, room, n, d = m.right.user, m.room, m.table.n_orbit, m.table.n_solved
+    w, change, lead, known, scale = room.w, room.moved, room.lead, room.known, room.scale
+    point, f = room.point[:n], room.f[:n]
     for trial in range(2 * _HALVED + 1):
         for c in range(d):
             change[c] *= 0.5 if trial != _HALVED else 1.0
             w[c] -= change[c]
-        look(room[BASE], room[GAIN], sources, w, point)
-        rhs(t, point, f, params)
-        counts.rhs += 1
+        look(m, n)
+        user.rhs(t, point, f, user.params)
+        m.state.counts.rhs += 1
         if is_finite(f, d) == (trial != _HALVED):
             return trial != _HALVED
         for c in range(d if trial == _HALVED else 0):
-            change[c] = 2.0 * ((room[LEAD, c] * f[c] - room[KNOWN, c]) / room[SCALE, c] - w[c])
+            change[c] = 2.0 * ((lead[c] * f[c] - known[c]) / scale[c] - w[c])
             w[c] += change[c]
     return False
 
 
 @inner
-def set_factors(number, n, d, sources, room, work, counts, solver, linear):
-    """Factorise Newton's matrix of this number by the Jacobian in work[0]; False if singular."""
-    matrix = work[1 + number]
-    newton_matrix(work[0], n, d, sources, room[GAIN], room[SCALE], room[LEAD], matrix)
-    counts.factorised += 1
-    return solver(FACTORISE, number, matrix, room[MOVED][:n], linear) == 0
+def set_matrix(m, out):
+    """Set the derivative of ``scale w - lead f(t, base + gain w)`` by w, of J as dense or sparse.
+
+    J is in newton[0]. Components beyond d have no equation: their w is left as it is.
+    """
+    room, j_f, sources = m.room, m.state.newton[0], m.table.sources
+    n, d, gain, scale, lead = m.table.n_orbit, m.table.n_solved, room.gain, room.scale, room.lead
+    if is_sparse(j_f, n):
+        for k in range(j_f.shape[1]):
+            i, j = int(j_f[ROWS, k]), int(j_f[COLUMNS, k])
+            out[VALUES, k] = (scale[i] if i == j else 0.0) - gain[j] * lead[i] * j_f[VALUES, k]
+        return
+    for i in range(n):
+        for k in range(n):
+            out[i, k] = 0.0
+        for k in range(n if i < d else 0):
+            out[i, sources[k]] -= gain[k] * lead[i] * j_f[i, k]
+        out[i, i] += scale[i] if i < d else 1.0
+
+
+@inner
+def set_factors(m, number):
+    """Factorise Newton's matrix of this number; False if it is singular."""
+    matrix = m.state.newton[1 + number]
+    set_matrix(m, matrix)
+    m.state.counts.factorised += 1
+    return m.solver(FACTORISE, number, matrix, m.room.moved[: m.table.n_orbit], m.linear) == 0
 
 
 @allocating
-def within_rounding(j_f, d, lead, f, known, scale, w, point, residual):
-    """Return whether the residuals of the d components are rounding errors of their summands."""
-    sizes = np.empty(point.shape[0])
-    magnitudes(j_f, point, sizes)  # of the summands of f
-    for i in range(d):
+def within_rounding(m, residual):
+    """Return whether the residuals (n,) are rounding errors of their summands."""
+    room, n = m.room, m.table.n_orbit
+    lead, f, known, scale, w = room.lead, room.f, room.known, room.scale, room.w
+    sizes = np.empty(n)
+    magnitudes(m.state.newton[0], room.point[:n], sizes)  # of the summands of f
+    for i in range(m.table.n_solved):
         size = abs(lead[i]) * (sizes[i] + abs(f[i])) + abs(known[i]) + abs(scale[i] * w[i])
         if not abs(residual[i]) <= _RESIDUAL * size:
             return False
@@ -186,32 +208,39 @@ def within_rounding(j_f, d, lead, f, known, scale, w, point, residual):
 
 
 @inner
-def solve_tangents(
-    rhs, jac, has_jac, params, t, d, sources, room, point, work, counts, solver, linear
-):  # fmt: skip
+def solve_tangents(m, t):
     """Solve ``scale w + known = lead J (base + gain w)`` for every tangent's w.
 
     J is the Jacobian where the orbit's own w, which is given, solves the step. Return False if the
     equations are singular; count the calls of `rhs`.
     """
-    n, base, w, change = point.shape[0], room[BASE], room[W], room[MOVED][: point.shape[0]]
-    look(base, room[GAIN], sources, w, point)
-    counts.rhs += jacobian(rhs, jac, has_jac, t, point, params, room[UNITS], work[0])
-    if not set_factors(1, n, d, sources, room, work, counts, solver, linear):
+    right, room, n, d, work = m.right, m.room, m.table.n_orbit, m.table.n_solved, m.state.newton
+    base, w, lead, known, change = room.base, room.w, room.lead, room.known, room.moved[:n]
+    look(m, n)
+    m.state.counts.rhs += right.jacobian(right.user, t, room.point[:n], room.units, work[0])
+    if not set_factors(m, 1):
         return False
     for first in range(n, base.shape[0], n):
         multiply(work[0], base[first : first + n], change)
         for i in range(n):
-            change[i] = room[LEAD, i] * change[i] - room[KNOWN, first + i] if i < d else 0.0
-        solver(SUBSTITUTE, 1, work[2], change, linear)
+            change[i] = lead[i] * change[i] - known[first + i] if i < d else 0.0
+        m.solver(SUBSTITUTE, 1, work[2], change, m.linear)
         for i in range(d):
             w[first + i] = change[i]
     return True
 
 
 @inlined
-def guess(p, integral, ratio, lead, known, force, pieces, w):
+def guess(m, p, ratio):
     """Set w to a first guess: with f as it was, or the increment before."""
+    lead, known, w, force, pieces = (
+        m.room.lead,
+        m.room.known,
+        m.room.w,
+        m.state.force,
+        m.state.pieces,
+    )
+    integral = m.table.integral
     for c in range(w.shape[0]):
         w[c] = lead[c] * force[c] - known[c] if integral == 1 else ratio * pieces[c, p]
 
@@ -222,9 +251,7 @@ _ASIDE = 1e-9
 
 
 @inner
-def solve_linearly(
-    rhs, jac, params, t, i, rows, x, sources, force, room, work, counts, solver, linear
-):
+def solve_linearly(m, t, i):
     """Solve ``scale w + known = lead (A (base + gain w) + g)`` for w.
 
     ``g = f + theta ratio (f - f_before)`` extrapolates f = rhs - A y from t_n and the step before
@@ -232,29 +259,30 @@ def solve_linearly(
     (d,) is f of the step before, NaN where that is another function. Returns False where the matrix
     is singular.
     """
-    # room (N_ROOM, d): rows of a step; work (2, ., .): A, and the matrix whose factors are kept
-    n, moved, f, point = x.shape[0], room[MOVED], room[F], room[POINT]
-    known, lead, base = room[KNOWN], room[LEAD], room[BASE]
+    # state.newton (2, ., .): A, and the matrix whose factors are kept
+    user, room, rows, counts, work = m.right.user, m.room, m.rows, m.state.counts, m.state.newton
+    x, force, w, moved, f, point = m.state.x, m.state.force, room.w, room.moved, room.f, room.point
+    known, lead, base = room.known, room.lead, room.base
     if counts.kept == 0 or differs(i, rows):
-        jac(t, x, work[0], params)
-        counts.kept = int(set_factors(0, n, n, sources, room, work, counts, solver, linear))
+        user.jac(t, x, work[0], user.params)
+        counts.kept = int(set_factors(m, 0))
         if counts.kept == 0:
             return False
-    rhs(t - (rows.theta[i] - _ASIDE) * rows.unit[i], x, f, params)
+    user.rhs(t - (rows.theta[i] - _ASIDE) * rows.unit[i], x, f, user.params)
     counts.rhs += 1
     multiply(work[0], x, moved)
     ahead = rows.theta[i] * rows.ratio[i] if counts.step > 0 and force[0] == force[0] else 0.0
-    for c in range(n):
+    for c in range(x.shape[0]):
         point[c] = base[c] - x[c]
         moved[c] = f[c] - moved[c]
         f[c] += ahead * (moved[c] - force[c]) if ahead > 0.0 else 0.0
         force[c] = moved[c]
     multiply(work[0], point, moved)
-    for c in range(n):
+    for c in range(x.shape[0]):
         moved[c] = lead[c] * (f[c] + moved[c]) - known[c]
-    solver(SUBSTITUTE, 0, work[1], moved, linear)
-    for c in range(n):
-        room[W, c] = moved[c]
+    m.solver(SUBSTITUTE, 0, work[1], moved, m.linear)
+    for c in range(x.shape[0]):
+        w[c] = moved[c]
     return True
 
 

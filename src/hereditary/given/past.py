@@ -106,7 +106,7 @@ def add_corrections(lag, window, corrections):
 @compiled
 def exchange_direct(lag, pieces, n, groups, tables, memory):
     """Store the finished block's pieces, and add ``sum_m W_(n+i-m) u_m`` to the next block."""
-    add_direct(lag, pieces, n, 0, groups, tables, memory)
+    add_direct(lag, pieces, n, groups, tables, memory)
 
 
 @compiled
@@ -114,7 +114,7 @@ def exchange_pending(lag, pieces, n, groups, tables, memory):
     """Sum directly over the present batch only, and add the rest from `pending`."""
     # memory: pieces, start values, pending (W, capacity)
     pending = memory.pending
-    add_direct(lag, pieces, n, n // tables.length * tables.length, groups, tables, memory)
+    add_direct(lag, pieces, n, groups, tables, memory)
     for c in range(lag.shape[0]):
         for i in range(lag.shape[1]):
             lag[c, i] += pending[c, n + i]
@@ -129,8 +129,8 @@ def two_sum(total, lost, term):
 
 
 @allocating
-def add_direct(lag, pieces, n, first, groups, tables, memory):
-    """Store the finished block's pieces, and sum those stored from index `first` on.
+def add_direct(lag, pieces, n, groups, tables, memory):
+    """Store the finished block's pieces, and sum those stored: all, or those of this batch.
 
     The sums are compensated by Knuth's two-sum. Being the reference, they must not lose digits as
     they grow longer. Nor must they where a term exceeds the sum so far, as increments of an
@@ -143,8 +143,8 @@ def add_direct(lag, pieces, n, first, groups, tables, memory):
         tables.weights, tables.start_weights, memory.pieces, memory.starts,
     )  # fmt: skip
     n_block, row = lag.shape[1], min(n - tables.first, tables.rows - 1)
-    n_groups = weights.shape[0] // tables.rows
-    lost = np.empty(n_block)
+    n_groups, batch = weights.shape[0] // tables.rows, tables.length
+    lost, first = np.empty(n_block), n // batch * batch if batch > 0 else 0
     for c in range(lag.shape[0]):
         w, u, out = weights[groups[c] * tables.rows + row], stored[c], lag[c]
         if n > 0:

@@ -1,4 +1,4 @@
-"""Types of the function values and array groups that marches and histories exchange.
+"""Records of marches on given steps, and what marches and histories exchange.
 
 A march advances in blocks of B steps over W columns. Between two blocks it hands the finished
 block's pieces to the history and gets the lag of everything older than the next one. Every history
@@ -6,13 +6,14 @@ offers one such function, with its own tables and memory behind it as 2-D arrays
 histories are compiled once each and pair freely.
 """
 
-from typing import Annotated, NamedTuple, TypeAlias
+from typing import Annotated, Any, NamedTuple, TypeAlias
 
 import numpy as np
 from numba import from_dtype, types
 
-from ..compiled.jit import I8, IVEC, MAT, VEC, Cube, Integers, Matrix, Vector, compiled_type
-from ..compiled.signatures import JAC, LINEAR, RHS, SOLVER
+from ..compiled.jit import I8, IVEC, MAT, Cube, Integers, Matrix, Vector, compiled_type
+from ..compiled.reference import FunctionField, Reference
+from ..compiled.signatures import SOLVER_SIG, LinearSolver, RightSide
 
 _EMPTY = np.zeros((1, 0))
 
@@ -62,14 +63,20 @@ def held(n_columns, pieces=0, modes=0, starts=0, pending=0):
     return Held(*(np.zeros((n_columns, size)) for size in (pieces, modes, starts, pending)))
 
 
-# Type of the tables of a history.
-HISTORY_TABLES = compiled_type(Tables)
-# Type of the contents of a memory.
-MEMORY = compiled_type(Held)
+# References to the tables of a history, and to the contents of its memory.
+HISTORY_TABLES = Reference(compiled_type(Tables))
+MEMORY = Reference(compiled_type(Held))
 # lag (W, B), pieces (W, B + 1), first step of the block, group of each column (W,), tables, memory:
 # takes all pieces but the last into memory (none at step 0), adds to lag
 EXCHANGE_SIG = types.void(MAT, MAT, I8, IVEC, HISTORY_TABLES, MEMORY)
-EXCHANGE = types.FunctionType(EXCHANGE_SIG)
+
+
+class MarchMemory(NamedTuple):
+    """The memory of a march: the function of its history, its tables and contents."""
+
+    exchange: Annotated[Any, FunctionField(EXCHANGE_SIG)]
+    tables: Tables
+    arrays: Held
 
 
 # Counts of a march.
@@ -215,28 +222,62 @@ class March(NamedTuple):
 
 
 class MarchOutput(NamedTuple):
-    """Room for a row of each step from `first` to `end`, or none: y and its slopes (k, d).
+    """Room for a row of each step from `first` on, or none: y and its slopes (k, d).
 
-    It also has room for Jacobians (n, d, d) of these steps, and for one step, (N_ROOM, W)
-    (given/step.py).
+    It also has room for Jacobians (n, d, d) of these steps.
     """
 
     rows: Matrix
     slopes: Matrix
     jacobians: Cube
-    room: Matrix
     first: int
-    end: int
 
 
-STEP_TABLE = compiled_type(StepTable)
-STEP_ROWS = compiled_type(StepRows)
-MARCH_STATE = compiled_type(March)
-OUTPUT = compiled_type(MarchOutput)
-MARCH = (
-    RHS, JAC, I8, VEC, EXCHANGE, HISTORY_TABLES, MEMORY, SOLVER, LINEAR, STEP_TABLE, STEP_ROWS,
-    MARCH_STATE, OUTPUT, I8,
-)  # fmt: skip
-# a march as a value that other loops are handed
-MARCH_SIG = I8(*MARCH)
-MARCH_VALUE = types.FunctionType(MARCH_SIG)
+class StepArrays(NamedTuple):
+    """Room for one step of W columns, d of them the orbit.
+
+    - known (W,): what is known of the step's left side; shift (W,): the increment of t x'(0).
+    - scale, lead, near (W,): factors of the increment, of f and of the newest piece.
+    - w, f (W,): increments without shift, and f; moved (W,): what a sweep changed.
+    - point (W,): where f is taken, at base + gain w of base and gain (W,).
+    - first (W,): the increments that Newton's method begins with.
+    - units (d,): of components, for differences of f.
+    """
+
+    known: Vector
+    shift: Vector
+    scale: Vector
+    lead: Vector
+    near: Vector
+    w: Vector
+    f: Vector
+    moved: Vector
+    point: Vector
+    base: Vector
+    gain: Vector
+    first: Vector
+    units: Vector
+
+
+class GivenMarch(NamedTuple):
+    """All that a march on given steps works on, in one record that is handed on by reference.
+
+    Python makes its arrays (compiled/reference.py). `solver` solves with Newton's matrix.
+    """
+
+    right: RightSide
+    memory: MarchMemory
+    solver: Annotated[Any, FunctionField(SOLVER_SIG)]
+    linear: LinearSolver
+    table: StepTable
+    rows: StepRows
+    state: March
+    room: StepArrays
+    output: MarchOutput
+
+
+MARCH_MEMORY = Reference(compiled_type(MarchMemory))
+MARCH_STATE = Reference(compiled_type(March))
+GIVEN_MARCH = Reference(compiled_type(GivenMarch))
+# march, step to end at: how it ended (given/block.py)
+MARCH_SIG = I8(GIVEN_MARCH, I8)

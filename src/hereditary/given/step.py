@@ -1,14 +1,37 @@
-"""Parts of a step that are inlined into the march, array by array.
+"""Parts of a step, for all columns.
 
 Prediction and corrector sweeps are for pieces that are values of f.
 """
 
+from ..compiled.jacobian import multiply
 from ..compiled.jit import inlined, inner
 
 
 @inlined
-def predict(lead, known, force, lacks, w):
+def evaluate(m, t, x, f):
+    """Evaluate right-hand sides of orbit and tangents at x (W,), and count calls of `rhs`."""
+    right, d = m.right, m.table.n_orbit
+    orbit = x[:d]
+    right.user.rhs(t, orbit, f[:d], right.user.params)
+    m.state.counts.rhs += 1
+    if x.shape[0] > d:
+        push_tangents(m, t, x, f)
+
+
+@inner
+def push_tangents(m, t, x, f):
+    """Set the right-hand sides of the tangents: the Jacobian times each of them."""
+    right, d, j_f = m.right, m.table.n_orbit, m.state.newton[-1]
+    m.state.counts.rhs += right.jacobian(right.user, t, x[:d], m.room.units, j_f)
+    for first in range(d, x.shape[0], d):
+        multiply(j_f, x[first : first + d], f[first : first + d])
+
+
+@inlined
+def predict(m):
     """Predict w with the last f, and add the change of lead times f in the last sweep."""
+    known, lead, w = m.room.known, m.room.lead, m.room.w
+    force, lacks = m.state.force, m.state.lacks
     for c in range(w.shape[0]):
         known[c] -= lacks[c]
         w[c] = lead[c] * force[c] - known[c]
@@ -16,8 +39,10 @@ def predict(lead, known, force, lacks, w):
 
 
 @inlined
-def correct(lead, known, f, lacks, w, moved):
+def correct(m):
     """Make a corrector sweep; `lacks` is, negated, what it took for f."""
+    known, lead, w, f = m.room.known, m.room.lead, m.room.w, m.room.f
+    moved, lacks = m.room.moved, m.state.lacks
     for c in range(w.shape[0]):
         corrected = lead[c] * f[c] - known[c]
         moved[c] = corrected - w[c]
@@ -26,42 +51,39 @@ def correct(lead, known, f, lacks, w, moved):
 
 
 @inlined
-def settle(lead, f, force, lacks):
+def settle(m):
     """Keep f, and lead times what the last sweep lacked of it."""
+    lead, f, force, lacks = m.room.lead, m.room.f, m.state.force, m.state.lacks
     for c in range(f.shape[0]):
         force[c] = f[c]
         lacks[c] += lead[c] * f[c]
 
 
-# Rows of the room of a step, (N_ROOM, W), for W columns: what is known of its left side, the
-# increment of t x'(0), factors of the increment, of f and of the newest piece, increments, f, what
-# a sweep changed, the point where f is taken, that point without increments and their factor, and
-# the increments that Newton's method begins with; the units of components, for differences of f.
-(
-    KNOWN, SHIFT, SCALE, LEAD, NEAR, W, F, MOVED, POINT, BASE, GAIN, FIRST, UNITS, N_ROOM
-) = range(14)  # fmt: skip
-
-
 @inlined
-def take_row(i, groups, length, speed, leads, nears, scales, shift, lead, near, scale):
+def take_row(m, i):
     """Take the coefficients of each column from row i."""
+    groups, speed, rows, room = m.table.groups, m.state.shift, m.rows, m.room
+    leads, nears, scales, length = rows.lead, rows.near, rows.scale, rows.length[i]
+    shift, lead, near, scale = room.shift, room.lead, room.near, room.scale
     for c in range(lead.shape[0]):
         a = groups[c]
-        shift[c], lead[c] = length[i] * speed[c], leads[a, i]
+        shift[c], lead[c] = length * speed[c], leads[a, i]
         near[c], scale[c] = nears[a, i], scales[a, i]
 
 
 @inlined
-def know(p, near, lag, pieces, known):
+def know(m, p):
     """Add the newest piece to the lag."""
+    known, near, lag, pieces = m.room.known, m.room.near, m.state.lag, m.state.pieces
     for c in range(known.shape[0]):
         known[c] = near[c] * pieces[c, p] + lag[c, p]
 
 
-@inlined
-def add_drift(i, groups, drifts, speed, amplitudes, known):
+@inner
+def add_drift(m, i):
     """Add what terms with orders that vary take of x'(0), and of x(0) where amplitudes hold it."""
-    n_groups = drifts.shape[0] // (1 + amplitudes.shape[1])
+    groups, drifts, speed, amplitudes = m.table.groups, m.rows.drift, m.state.shift, m.state.drift
+    known, n_groups = m.room.known, drifts.shape[0] // (1 + amplitudes.shape[1])
     for c in range(known.shape[0]):
         known[c] += drifts[groups[c], i] * speed[c]
         if amplitudes.shape[1] > 0:
@@ -69,9 +91,11 @@ def add_drift(i, groups, drifts, speed, amplitudes, known):
 
 
 @inner
-def add_powers(n, t, amplitudes, powers, corrections, lead, known):
+def add_powers(m, n, t):
     """Add known powers of t, not at 0, and corrections of the first steps."""
     # amplitudes (W, r), powers (r, W), corrections (W, k), lead, known (W,)
+    amplitudes, powers, corrections = m.state.drift, m.table.powers, m.state.corrections
+    lead, known = m.room.lead, m.room.known
     for c in range(known.shape[0]):
         total = 0.0
         for k in range(powers.shape[0] if t > 0.0 else 0):
@@ -83,8 +107,11 @@ def add_powers(n, t, amplitudes, powers, corrections, lead, known):
 
 
 @inlined
-def see(theta, sources, x, shift, scale, known, lead, base, gain):
+def see(m, theta):
     """Set where f is taken: at ``base + gain w`` with w of the sources, y and memory alike."""
+    sources, x, room = m.table.sources, m.state.x, m.room
+    shift, scale, known, lead = room.shift, room.scale, room.known, room.lead
+    base, gain = room.base, room.gain
     for c in range(base.shape[0]):
         if sources[c] == c:
             base[c], gain[c] = x[c] + theta * shift[c], theta
@@ -93,15 +120,19 @@ def see(theta, sources, x, shift, scale, known, lead, base, gain):
 
 
 @inlined
-def look(base, gain, sources, w, point):
-    """Set the point where f is taken."""
-    for c in range(point.shape[0]):
+def look(m, n):
+    """Set the point where f is taken, of the first n columns."""
+    base, gain, w, point = m.room.base, m.room.gain, m.room.w, m.room.point
+    sources = m.table.sources
+    for c in range(n):
         point[c] = base[c] + gain[c] * w[sources[c]]
 
 
 @inlined
-def change(n, p, given, lead, known, shift, f, u, pieces, w, d):
+def change(m, n, p):
     """Set w of an explicit step, and its change."""
+    known, shift, lead, f, w = m.room.known, m.room.shift, m.room.lead, m.room.f, m.room.w
+    given, u, d, pieces = m.table.given, m.state.increment, m.state.change, m.state.pieces
     for c in range(w.shape[0]):
         # at first increments of order above 1 hold h x'(0) already: the scheme's x_1
         w_old = pieces[c, p] if n > 0 else u[c] - shift[c]
@@ -110,11 +141,13 @@ def change(n, p, given, lead, known, shift, f, u, pieces, w, d):
 
 
 @inlined
-def close(
-    p, n, explicit, integral, ratio, groups, sources, weights, given, shift, known, lead, base,
-    gain, w, f, x, u, d, lag, pieces,
-):  # fmt: skip
+def close(m, n, p, ratio, explicit):
     """Move the solution on, keep the piece and spread it over the steps ahead in its block."""
+    table, state, room = m.table, m.state, m.room
+    groups, sources, weights, given = table.groups, table.sources, table.weights, table.given
+    shift, known, lead, w, f = room.shift, room.known, room.lead, room.w, room.f
+    x, u, d, lag, pieces = state.x, state.increment, state.change, state.lag, state.pieces
+    base, gain, integral = room.base, room.gain, table.integral
     bend = 2.0 * ratio / (1.0 + ratio)
     for c in range(w.shape[0]):
         own = sources[c] == c
@@ -138,8 +171,9 @@ def close(
             lag[c, p + k] += weights[a, k] * piece
 
 
-@inlined
-def first_value(explicit, starts, w, out):
+@inner
+def first_value(m, explicit):
     """Set the first start value of each column, its first increment where that is solved for."""
+    starts, w, out = m.state.starts, m.room.w, m.room.known
     for c in range(out.shape[0]):
         out[c] = starts[c, 0] if explicit else w[c]
