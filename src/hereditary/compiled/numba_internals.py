@@ -46,6 +46,10 @@ class Inner(_Dispatcher):
     def __call__(self, *args):
         return self.py_func(*args)
 
+    def get_call_template(self, args, kws):
+        """Compile once for an argument, whatever constants callers give for it."""
+        return super().get_call_template([*map(types.unliteral, args)], kws)
+
 
 class _LinkedCompiler(_Compiler):
     """Compiler of a function whose code is kept to be linked into its callers.
@@ -187,6 +191,7 @@ def _links():
     steps += "verify_declare_only_symbols"
     return (
         isinstance(_becomes(Inner), Inner)
+        and _takes(_Dispatcher, "get_call_template args kws")
         and options <= set(dir(_private("core.cpu", "CPUTargetOptions")))
         and _takes(_Library, *(f"_{step}" for step in steps.split()))
         and _takes(_Library, "__init__ codegen name", "get_pointer_to_function name")

@@ -1,6 +1,6 @@
 """Parts of the march: open a block, add known terms, start the memory, write rows."""
 
-from ..compiled.jit import I8, IVEC, MAT, VEC, entry, inlined, inner
+from ..compiled.jit import I8, IVEC, MAT, VEC, entry, inner
 from .signatures import MARCH_MEMORY
 
 # Ratio of neighbouring steps from which no parabola tells the slope.
@@ -58,7 +58,7 @@ def begin_others(m):
         begin_start(m, v, values, 0)
 
 
-@inlined
+@inner
 def write_row(m, k, h, ratio):
     """Write row k, with the slope at its end of the parabola through the last three values.
 
@@ -71,7 +71,7 @@ def write_row(m, k, h, ratio):
         rows[k, c], slopes[k, c] = x[c], (u[c] + lean * d[c]) / h
 
 
-@inlined
+@inner
 def bounded(x):
     """Return whether all of x is finite and far from overflow."""
     for c in range(x.shape[0]):  # noqa: SIM110 (numba takes no generator here)

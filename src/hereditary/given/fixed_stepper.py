@@ -29,13 +29,13 @@ from .first_steps import starting_steps
 from .growing_march import LOST, Renormalisations, grow, transform_march
 from .jacobian_watch import JacobianWatch, remedy_of
 from .linear_solvers import newton_of
-from .march import MARCHES
+from .march import MARCHES, march_of
 from .riemann_liouville import with_initial_values
 from .signatures import (
     MARCH_COUNTS,
     MARCH_SIG,
     MONITOR,
-    GivenMarch,
+    GivenWork,
     March,
     MarchMemory,
     MarchOutput,
@@ -239,20 +239,17 @@ class FixedStepper(ResumableStepper, TangentStepper, JumpingStepper):
             self._forget_explicit()
         jacobians = self._watch.room(self.n, n_end)
         try:
-            return self._loop(
-                GivenMarch(
-                    right=self._right,
-                    memory=MarchMemory(memory.exchange, memory.tables, memory.arrays),
-                    solver=self._newton.solver,
-                    linear=self._newton.tables,
-                    table=self._table,
-                    rows=rows_beside(self._breaks, self.n, self._rows, self.steps, start),
-                    state=self._march,
-                    room=self._room,
-                    output=MarchOutput(rows, slopes, jacobians, self.n),
-                ),
-                n_end,
-            )
+            return self._loop(march_of(GivenWork(
+                right=self._right,
+                memory=MarchMemory(memory.exchange, memory.tables, memory.arrays),
+                solver=self._newton.solver,
+                linear=self._newton.tables,
+                table=self._table,
+                rows=rows_beside(self._breaks, self.n, self._rows, self.steps, start),
+                state=self._march,
+                room=self._room,
+                output=MarchOutput(rows, slopes, jacobians, self.n),
+            ), self.scheme.solve), n_end)  # fmt: skip
         finally:
             self._watch.note(jacobians, self.n)
 
@@ -487,7 +484,7 @@ class FixedStepper(ResumableStepper, TangentStepper, JumpingStepper):
 
 def _renormalising(growth, grown, march, end):
     """Enter the loop of renormalisations as the march itself is entered; add to `grown`."""
-    rows = np.empty((end - march.output.first, 1 + growth.columns.shape[1]))
+    rows = np.empty((end - march.work.output.first, 1 + growth.columns.shape[1]))
     try:
         return grow(march, growth._replace(grown=rows), end)
     finally:

@@ -150,13 +150,14 @@ class Renormalisations(NamedTuple):
     GIVEN_MARCH, Reference(compiled_type(Renormalisations)), I8,
     announced="the growth of tangents", counted=False,
 )  # fmt: skip
-def grow(m, growth, end):
+def grow(march, growth, end):
     """March to step `end`, renormalising on the way; return how the march ended."""
-    state, schedule, columns, inverse = m.state, growth.schedule, growth.columns, growth.inverse
+    m, schedule, columns, inverse = march.work, growth.schedule, growth.columns, growth.inverse
+    state = m.state
     schedule["made"] = 0
     while state.counts.step < end:
         stop = due(schedule)
-        status = growth.march(m, min(stop, end))
+        status = growth.march(march, min(stop, end))
         if status != RUNNING:
             return status
         if state.counts.step < stop:

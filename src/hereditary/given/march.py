@@ -16,7 +16,7 @@ D^gamma x``. It is read at the step's own time, or, in an explicit step, left fo
 arithmetic hangs on absolute step numbers, so a march does not depend on where it was interrupted.
 """
 
-from ..compiled.jit import I8, entry
+from ..compiled.jit import I8, as_value, entry
 from ..compiled.linalg import put
 from .block import (
     BLOWN_UP,
@@ -29,9 +29,9 @@ from .block import (
     open_block,
     write_row,
 )
-from .newton import guess, solve_linearly, solve_step
+from .newton import guess, no_tangents_solved, solve_linearly, solve_step, solve_tangents
 from .past import read_rows
-from .signatures import GIVEN_MARCH
+from .signatures import GIVEN_MARCH, PUSH_SIG, SOLVE_TANGENTS_SIG, GivenMarch
 from .step import (
     add_drift,
     add_powers,
@@ -43,6 +43,8 @@ from .step import (
     know,
     look,
     predict,
+    push_nothing,
+    push_tangents,
     see,
     settle,
     take_row,
@@ -59,7 +61,8 @@ def marching(name, way):
     """Compile the march for one way of solving a step: "explicit", "newton", "imex" or "sweeps"."""
     explicit, newton, imex = (way == name for name in ("explicit", "newton", "imex"))
 
-    def march(m, end):
+    def march(march, end):
+        m = march.work
         table, rows, state, room, memory = m.table, m.rows, m.state, m.room, m.memory
         h, every, integral, slowest = table.h, table.every, table.integral, table.slowest
         counts, x, u, d, f, row = state.counts, state.x, state.increment, state.change, room.f, -1
@@ -81,7 +84,7 @@ def marching(name, way):
                 if n == 0 and integral == 0:  # the first start value waits for the step; p = 0
                     begin_others(m)
                 elif n == 0 and not explicit:
-                    evaluate(m, 0.0, x, state.force)
+                    evaluate(march, 0.0, x, state.force)
                     begin_start(m, 0, state.force, 0)
                 counts.opened = n
             if every > 0 and n % every == 0:
@@ -97,15 +100,15 @@ def marching(name, way):
             if not explicit:
                 see(m, theta[i])
             if explicit:
-                evaluate(m, t, x, f)
+                evaluate(march, t, x, f)
                 change(m, n, p)
             elif newton:
                 guess(m, p, ratio[i])
-                if not solve_step(m, t):
+                if not solve_step(march, t):
                     return NOT_SOLVED
                 if integral == 1:
                     look(m, width)
-                    evaluate(m, t, point, f)
+                    evaluate(march, t, point, f)
                     put(f, state.force)
             elif imex:
                 if not solve_linearly(m, t, i):
@@ -114,10 +117,10 @@ def marching(name, way):
                 predict(m)
                 look(m, width)
                 for _ in range(table.sweeps):
-                    evaluate(m, t, point, f)
+                    evaluate(march, t, point, f)
                     correct(m)
                     look(m, width)
-                evaluate(m, t, point, f)
+                evaluate(march, t, point, f)
                 settle(m)
             close(m, n, p, ratio[i], explicit)
             for c in range(table.n_solved if slowest > 0.0 else 0):
@@ -145,3 +148,11 @@ MARCHES = {
     "sweeps": marching("march_sweeps", "sweeps"),
     "imex": marching("march_imex", "imex"),
 }
+
+
+def march_of(work, way):
+    """Return the march of some work that solves a step in this way, with the functions it needs."""
+    tangents = work.state.x.size > work.table.n_orbit
+    solve = solve_tangents if tangents and way == "newton" else no_tangents_solved
+    push = push_tangents if tangents else push_nothing
+    return GivenMarch(work, as_value(push, PUSH_SIG), as_value(solve, SOLVE_TANGENTS_SIG))

@@ -6,7 +6,7 @@ By Newton's method, or at once where only a constant matrix is taken implicitly.
 import numpy as np
 
 from ..compiled.jacobian import COLUMNS, ROWS, VALUES, is_sparse, magnitudes, multiply
-from ..compiled.jit import allocating, inlined, inner
+from ..compiled.jit import allocating, inner, plug_in
 from ..compiled.linalg import solve_in_place
 from ..compiled.signatures import FACTORISE, SUBSTITUTE
 from .step import look
@@ -45,7 +45,7 @@ _STALLED = 0.5
 
 
 @inner
-def solve_step(m, t):
+def solve_step(march, t):
     """Solve ``scale w + known = lead f(t, base + gain w)`` for w, and so for tangents.
 
     The first n_solved components have an equation; f reads all, at the w of their sources. The
@@ -54,6 +54,7 @@ def solve_step(m, t):
     """
     # state.newton (2, ., .), or (3, ., .) with tangents: Jacobian, Newton's matrix, that of the
     # tangents
+    m = march.work
     right, room, counts, work = m.right, m.room, m.state.counts, m.state.newton
     n, d, few = m.table.n_orbit, m.table.n_solved, m.linear.few == 1
     base, scale, lead, known = room.base, room.scale, room.lead, room.known
@@ -113,7 +114,7 @@ def solve_step(m, t):
                 counts.at_once = 1
             if few and not fresh and iteration > 1:
                 counts.kept = 0  # one that takes a third call has become old
-            return w.shape[0] == n or solve_tangents(m, t)
+            return w.shape[0] == n or march.solve_tangents(m, t)
         wrong = not size < np.inf or (rate >= 1.0 and previous < np.inf)
         if wrong and fresh and not size < np.inf:
             break
@@ -129,7 +130,7 @@ def solve_step(m, t):
     return False
 
 
-@inlined
+@inner
 def is_finite(f, d):
     """Return whether the first d values are finite."""
     finite = True
@@ -207,7 +208,13 @@ def within_rounding(m, residual):
     return True
 
 
-@inner
+@plug_in
+def no_tangents_solved(m, t):
+    """Do nothing, where there are no tangents or they need no equations solved."""
+    return True
+
+
+@plug_in
 def solve_tangents(m, t):
     """Solve ``scale w + known = lead J (base + gain w)`` for every tangent's w.
 
@@ -230,7 +237,7 @@ def solve_tangents(m, t):
     return True
 
 
-@inlined
+@inner
 def guess(m, p, ratio):
     """Set w to a first guess: with f as it was, or the increment before."""
     lead, known, w, force, pieces = (

@@ -11,7 +11,7 @@ from typing import Annotated, Any, NamedTuple, TypeAlias
 import numpy as np
 from numba import from_dtype, types
 
-from ..compiled.jit import I8, IVEC, MAT, Cube, Integers, Matrix, Vector, compiled_type
+from ..compiled.jit import F8, I8, IVEC, MAT, VEC, Cube, Integers, Matrix, Vector, compiled_type
 from ..compiled.reference import FunctionField, Reference
 from ..compiled.signatures import SOLVER_SIG, LinearSolver, RightSide
 
@@ -259,8 +259,8 @@ class StepArrays(NamedTuple):
     units: Vector
 
 
-class GivenMarch(NamedTuple):
-    """All that a march on given steps works on, in one record that is handed on by reference.
+class GivenWork(NamedTuple):
+    """All that a step works on, in one record that is handed on by reference.
 
     Python makes its arrays (compiled/reference.py). `solver` solves with Newton's matrix.
     """
@@ -278,6 +278,25 @@ class GivenMarch(NamedTuple):
 
 MARCH_MEMORY = Reference(compiled_type(MarchMemory))
 MARCH_STATE = Reference(compiled_type(March))
+GIVEN_WORK = Reference(compiled_type(GivenWork))
+# work, time, columns (W,) where f is taken, right-hand sides (W,)
+PUSH_SIG = types.void(GIVEN_WORK, F8, VEC, VEC)
+# work, time: whether the equations of the tangents were solved
+SOLVE_TANGENTS_SIG = types.boolean(GIVEN_WORK, F8)
+
+
+class GivenMarch(NamedTuple):
+    """A march: what it works on, and functions for tangents, which few runs need.
+
+    `push` sets the right-hand sides of tangents, `solve_tangents` their increments in an implicit
+    step.
+    """
+
+    work: GivenWork
+    push: Annotated[Any, FunctionField(PUSH_SIG)]
+    solve_tangents: Annotated[Any, FunctionField(SOLVE_TANGENTS_SIG)]
+
+
 GIVEN_MARCH = Reference(compiled_type(GivenMarch))
 # march, step to end at: how it ended (given/block.py)
 MARCH_SIG = I8(GIVEN_MARCH, I8)

@@ -4,21 +4,21 @@ Prediction and corrector sweeps are for pieces that are values of f.
 """
 
 from ..compiled.jacobian import multiply
-from ..compiled.jit import inlined, inner
-
-
-@inlined
-def evaluate(m, t, x, f):
-    """Evaluate right-hand sides of orbit and tangents at x (W,), and count calls of `rhs`."""
-    right, d = m.right, m.table.n_orbit
-    orbit = x[:d]
-    right.user.rhs(t, orbit, f[:d], right.user.params)
-    m.state.counts.rhs += 1
-    if x.shape[0] > d:
-        push_tangents(m, t, x, f)
+from ..compiled.jit import inner, plug_in
 
 
 @inner
+def evaluate(march, t, x, f):
+    """Evaluate right-hand sides of orbit and tangents at x (W,), and count calls of `rhs`."""
+    m = march.work
+    user, d = m.right.user, m.table.n_orbit
+    user.rhs(t, x[:d], f[:d], user.params)
+    m.state.counts.rhs += 1
+    if x.shape[0] > d:
+        march.push(m, t, x, f)
+
+
+@plug_in
 def push_tangents(m, t, x, f):
     """Set the right-hand sides of the tangents: the Jacobian times each of them."""
     right, d, j_f = m.right, m.table.n_orbit, m.state.newton[-1]
@@ -27,7 +27,12 @@ def push_tangents(m, t, x, f):
         multiply(j_f, x[first : first + d], f[first : first + d])
 
 
-@inlined
+@plug_in
+def push_nothing(m, t, x, f):
+    """Do nothing, where there are no tangents."""
+
+
+@inner
 def predict(m):
     """Predict w with the last f, and add the change of lead times f in the last sweep."""
     known, lead, w = m.room.known, m.room.lead, m.room.w
@@ -38,7 +43,7 @@ def predict(m):
         lacks[c] = 0.0
 
 
-@inlined
+@inner
 def correct(m):
     """Make a corrector sweep; `lacks` is, negated, what it took for f."""
     known, lead, w, f = m.room.known, m.room.lead, m.room.w, m.room.f
@@ -50,7 +55,7 @@ def correct(m):
         lacks[c] = -lead[c] * f[c]
 
 
-@inlined
+@inner
 def settle(m):
     """Keep f, and lead times what the last sweep lacked of it."""
     lead, f, force, lacks = m.room.lead, m.room.f, m.state.force, m.state.lacks
@@ -59,7 +64,7 @@ def settle(m):
         lacks[c] += lead[c] * f[c]
 
 
-@inlined
+@inner
 def take_row(m, i):
     """Take the coefficients of each column from row i."""
     groups, speed, rows, room = m.table.groups, m.state.shift, m.rows, m.room
@@ -71,7 +76,7 @@ def take_row(m, i):
         near[c], scale[c] = nears[a, i], scales[a, i]
 
 
-@inlined
+@inner
 def know(m, p):
     """Add the newest piece to the lag."""
     known, near, lag, pieces = m.room.known, m.room.near, m.state.lag, m.state.pieces
@@ -106,7 +111,7 @@ def add_powers(m, n, t):
         known[c] += lead[c] * total
 
 
-@inlined
+@inner
 def see(m, theta):
     """Set where f is taken: at ``base + gain w`` with w of the sources, y and memory alike."""
     sources, x, room = m.table.sources, m.state.x, m.room
@@ -119,7 +124,7 @@ def see(m, theta):
             base[c], gain[c] = known[c] / lead[c], scale[c] / lead[c]
 
 
-@inlined
+@inner
 def look(m, n):
     """Set the point where f is taken, of the first n columns."""
     base, gain, w, point = m.room.base, m.room.gain, m.room.w, m.room.point
@@ -128,7 +133,7 @@ def look(m, n):
         point[c] = base[c] + gain[c] * w[sources[c]]
 
 
-@inlined
+@inner
 def change(m, n, p):
     """Set w of an explicit step, and its change."""
     known, shift, lead, f, w = m.room.known, m.room.shift, m.room.lead, m.room.f, m.room.w
@@ -140,7 +145,7 @@ def change(m, n, p):
         w[c], d[c] = w_old + more, more if n > 0 else 0.0
 
 
-@inlined
+@inner
 def close(m, n, p, ratio, explicit):
     """Move the solution on, keep the piece and spread it over the steps ahead in its block."""
     table, state, room = m.table, m.state, m.room
