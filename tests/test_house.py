@@ -8,8 +8,6 @@ import pytest
 from decorators import DECORATORS
 
 SOURCE = Path(__file__).parent.parent / "src" / "hereditary"
-# The march on given steps, whose parts would take longer to be called than to be run.
-LONGEST = {"march": 90}
 # Imported inside functions, since it takes long and few runs need it, or is a leaf on that room.
 DEFERRED = {"scipy.interpolate", "scipy.optimize", "scipy.signal", "hybrid", "large.structure"}
 GALLERY = SOURCE.parents[1] / "docs" / "gallery"
@@ -26,8 +24,7 @@ def test_files_and_functions_are_small(path):
         if isinstance(node, ast.FunctionDef):
             body = node.body[1:] if ast.get_docstring(node) else node.body
             if body:
-                longest = LONGEST.get(node.name, 80)
-                assert node.end_lineno - body[0].lineno - nested(node) < longest, node.name
+                assert node.end_lineno - body[0].lineno - nested(node) < 80, node.name
             inner = [n for n in ast.walk(node) if isinstance(n, (ast.Import, ast.ImportFrom))]
             hidden = [n for n in inner if getattr(n, "module", None) not in DEFERRED]
             assert not hidden, f"{node.name} imports"

@@ -308,3 +308,15 @@ def test_in_every_form(k):
     # sums in another order
     np.testing.assert_allclose(runs[0].y, runs[1].y, rtol=0, atol=1e-14)
     np.testing.assert_allclose(runs[0].y[-1], expected.y[-1], atol=0.05)
+
+
+def test_a_message_shows_the_components_of_the_user():
+    """Not the memory that follows them in the system."""
+
+    def f(t, y, memory):
+        return -y - memory[0]
+
+    equation = hd.Equation(hd.Caputo(0.9), f, 1.0, memory=hd.Caputo(0.4))
+    state = hd.solve(equation, 1.0, 20).state
+    with pytest.raises(ValueError, match=r"same y0, here \[\[2\.0\]\], got \[\[1\.0\]\]"):
+        hd.solve(equation.replace(y0=2.0), 2.0, resume=state)

@@ -327,18 +327,18 @@ class HybridEvents(Events):
 
         Events without changes may also have found the zero at which another event acted.
         """
-        acted, by_steps = number in self.fired, self._by_steps
+        acted, counted = number in self.fired, self._counted
         sign = self.fired[number] if acted else self._after[number]
-        if not sign or (by_steps and not acted):
+        if not sign or (counted and not acted):
             return None
         value = partial(value_of, self._functions[number])
         error = uncertainty(value, stepper)
-        if not by_steps:  # these stand at the zero itself
+        if not counted:  # these stand at the zero itself
             error = max(error, abs(then))
-        if not abs(now) <= error and not (by_steps and now == then):
+        if not abs(now) <= error and not (counted and now == then):
             return None
         ahead = sign_ahead(value, sign, before, stepper, acted)
-        return Way(sign, ahead, now, error, by_steps) if ahead or acted else None
+        return Way(sign, ahead, now, error, counted) if ahead or acted else None
 
     def _begin(
         self,
@@ -361,7 +361,7 @@ class HybridEvents(Events):
             elif number >= self.n_events and value == 0 and not sign:
                 self._open.add(number)
                 signs[number] = 1.0
-            elif value == 0 and not sign and self._by_steps and number in self._last:
+            elif value == 0 and not sign and self._counted and number in self._last:
                 signs[number] = -self._last[number]  # a change took it back; steps show no more
         super()._begin(t, values, signs)
         self.sides = self._after[self.n_events :]
@@ -371,7 +371,7 @@ class HybridEvents(Events):
 
         Errors may put the start on the other side of a zero.
         """
-        for number in range(self.n_events, len(self._functions) if not self._by_steps else 0):
+        for number in range(self.n_events, len(self._functions) if not self._counted else 0):
             value, y = partial(value_of, self._functions[number]), stepper.y
             side = self.sides[number - self.n_events]
             if number in self._last and sign_ahead(value, side, y, stepper, False) == side:
@@ -382,7 +382,7 @@ class HybridEvents(Events):
         """Search between `edges` as `Events` do; also end where a function acts."""
         end = super().look(edges, at)
         reached = edges[-1] if end is None else end
-        if self._by_steps:
+        if self._counted:
             last = max(int(np.searchsorted(edges, reached)), 1)
             self.step = float(edges[last] - edges[last - 1])
         self.interrupted = bool(self.fired) or bool(together(reached, self.stated))
@@ -391,7 +391,7 @@ class HybridEvents(Events):
     def _looked_at(self, times: np.ndarray, edges: np.ndarray) -> np.ndarray:
         """Return the times of an interval with `edges` at which functions are evaluated."""
         self._returns: list[tuple[float, int, float]] = []
-        if edges[0] == self._start and self._last and not self._by_steps:
+        if edges[0] == self._start and self._last and not self._counted:
             # just after a change two zeros may follow each other in any time
             times = np.union1d(times, edges[0] + (edges[1] - edges[0]) * _NEXT)
             near = (times > edges[0]) & (times < edges[0] * (1 + _ROUNDED_TIME))
@@ -403,7 +403,7 @@ class HybridEvents(Events):
     ) -> Iterator[tuple[float, float]]:
         """Yield the zeros of a function up to the first one at which it acts."""
         way, returned = self._ways.get(number), None
-        if way and not self._by_steps and edges[0] == self._start and way.settle(values):
+        if way and not self._counted and edges[0] == self._start and way.settle(values):
             returned = self._start
         elif way and way.returning:
             away = way.follow(values)
@@ -421,7 +421,7 @@ class HybridEvents(Events):
                 self._returns.append((self._start, number, sign))
                 return
             if self._is_start(t) or (number in self._open and t <= self._soon(edges)):
-                if number in self._last and (not self._by_steps or sign != self._last[number]):
+                if number in self._last and (not self._counted or sign != self._last[number]):
                     continue  # where a run goes on from its own event
                 # given steps that end beyond the zero again change there
                 t = float(edges[1]) if number in self._last else self._start
@@ -448,7 +448,7 @@ class HybridEvents(Events):
         """Return whether the run has just continued from this zero at t."""
         if number >= self.n_events:
             return number in self._last and t <= self._soon(edges)
-        return not self._by_steps and self._last.get(number) == sign and self._is_start(t)
+        return not self._counted and self._last.get(number) == sign and self._is_start(t)
 
     def _end(self, end: float, found: list[tuple[float, int, float]], edges: np.ndarray) -> float:
         """Return where the march ends: by a terminal event, or by a function that acts."""
@@ -496,7 +496,7 @@ class Way:
         Sign with which it continues; 0 if unknown.
     value, error : float
         Its value at the change, and the error of this value.
-    by_steps : bool
+    counted : bool
         Whether steps are given, so that the change is at one of them, after the zero.
 
     Attributes
@@ -506,10 +506,10 @@ class Way:
     """
 
     def __init__(
-        self, before: float, sign: float, value: float, error: float, by_steps: bool
+        self, before: float, sign: float, value: float, error: float, counted: bool
     ) -> None:
         self.before, self.sign, self._error = before, sign, error
-        self.returning = by_steps and sign == -before == -np.sign(value)
+        self.returning = counted and sign == -before == -np.sign(value)
         self._far, self._steps = abs(value), 0
 
     def settle(self, values: np.ndarray) -> bool:

@@ -46,7 +46,8 @@ def jump(system, form, orbit, t, counts):
 
 def _forces(system, t, x, counts):
     """Return f for the orbit and its tangents, (1 + k, d), and the Jacobian; x (1 + k, d)."""
-    force, jacobian = system.force(t, x[0]), system.jacobian_inside(t, x[0])
+    force, jacobian = system.force(t, x[0]), system.derivative(t, x[0])
+    jacobian = jacobian if system.structure is None else jacobian.toarray()
     counts["rhs"] += 1
     return np.vstack([force, x[1:] @ jacobian.T]), jacobian
 

@@ -9,9 +9,9 @@ from .jit import allocating, inner
 
 # Least growth, or spread, of tangents over one interval where the interval follows the growth. R
 # loses about as many of sixteen digits as there are in exp(spread).
-LOW = 3.0
+_LOW = 3.0
 # Largest growth, or spread, over such an interval.
-HIGH = 8.0
+_HIGH = 8.0
 # The present interval, the longest one, whether intervals follow the growth; the ends of the
 # transient and of the run, the last time; how many times in one entry, and whether the march reads
 # data of the first steps later on.
@@ -32,9 +32,9 @@ def note(schedule, n, logs):
     """Note the growth (k,) up to mark n, and suit the interval to it."""
     schedule["last"] = n
     spread = max(0.0, np.max(logs)) - min(0.0, np.min(logs))
-    if spread > HIGH and schedule["automatic"]:
+    if spread > _HIGH and schedule["automatic"]:
         # and no longer ever after: spikes of contraction are rare, but come again
-        schedule["interval"] = max(1, int(schedule["interval"] * HIGH / spread))
+        schedule["interval"] = max(1, int(schedule["interval"] * _HIGH / spread))
         schedule["longest"] = schedule["interval"]
-    elif spread < LOW and schedule["automatic"]:
+    elif spread < _LOW and schedule["automatic"]:
         schedule["interval"] = min(2 * schedule["interval"], schedule["longest"])

@@ -207,16 +207,12 @@ class System:
         """Whether an order varies."""
         return any(operator.varies for operator, _ in self.left)
 
-    def jacobian_inside(self, t: float, y: np.ndarray) -> np.ndarray:
-        """Return d rhs / d y at (t, y), shape (d, d): the given one, or differences.
-
-        Times count from the start, and complex components are two.
-        """
-        found = self.derivative(t, y)
-        return found if self.structure is None else found.toarray()
-
     def derivative(self, t: float, y: ArrayLike, units: np.ndarray | None = None) -> Any:
-        """Return d rhs / d y, as an array or, where its entries are known, SciPy's CSR array."""
+        """Return d rhs / d y at (t, y): the given one, or differences.
+
+        An array (d, d) or, where its entries are known, SciPy's CSR array. Times count from the
+        start, and complex components are two.
+        """
         structure, d = self.structure, self.d
         out = np.empty((d, d)) if structure is None else structure.entries.copy()
         y = np.array(y, dtype=float)

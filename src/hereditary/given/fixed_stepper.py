@@ -102,7 +102,7 @@ class FixedStepper(ResumableStepper, TangentStepper, JumpingStepper):
         self._block = block if plan.rows.shared else 1
         self._begin(plan)
         self._misfit = misfit_on_given_steps(self.memory.kernel_errors, history)
-        self._status, self._moved = RUNNING, False
+        self._status, self._jumped = RUNNING, False
         self._seconds, self._most = 0.0, _NUMBERS  # that a step takes; steps at once at the most
         self._error = None
         self._breaks: frozenset[int] = frozenset()
@@ -193,7 +193,7 @@ class FixedStepper(ResumableStepper, TangentStepper, JumpingStepper):
         rows, slopes = np.empty((2, n_more + 1 if keep else 0, d))
         if keep:
             rows[0], slopes[0] = self.y, self.ydot
-        starting = starting_steps(self) if keep and not self._moved else None
+        starting = starting_steps(self) if keep and not self._jumped else None
         try:
             self._march_to(n + n_more, rows[1:], slopes[1:])
         except Exception as error:
@@ -445,7 +445,7 @@ class FixedStepper(ResumableStepper, TangentStepper, JumpingStepper):
 
     def set_y(self, y):
         """Let y jump to these values, (d,), here; the jump does not enter the memory."""
-        self._march.x[: self.system.n_solved], self._moved = y, True
+        self._march.x[: self.system.n_solved], self._jumped = y, True
         self._forget_explicit()
         self._renew_force()
 

@@ -131,7 +131,7 @@ def transform_march(state, memory, d, lasting, matrix):
 
 
 class Renormalisations(NamedTuple):
-    """What renormalisations on the way of a march work on, besides its record.
+    """Functions and arrays of the renormalisations on the way of a march.
 
     - above (.,): components whose slopes are among the data.
     - columns (n_data, k): Phi; inverse (k, k): of R.

@@ -51,10 +51,13 @@ from .step import (
 )
 from .watch import watch_turn
 
-_WAYS = {
-    "explicit": "explicit", "newton": "implicit", "imex": "implicit-explicit",
-    "sweeps": "predictor-corrector",
-}  # fmt: skip
+# What is announced where a march is compiled.
+_ANNOUNCED = {
+    "explicit": "the march of explicit schemes",
+    "newton": "the march of implicit schemes",
+    "imex": "the march of implicit-explicit schemes",
+    "sweeps": "the march of predictor-corrector schemes",
+}
 
 
 def marching(name, way):
@@ -138,8 +141,7 @@ def marching(name, way):
 
     march.__name__ = march.__qualname__ = name
     march.__doc__ = "March to step `end`; return how it ended (given/block.py)."
-    announced = f"the march of {_WAYS[way]} schemes"
-    return entry(GIVEN_MARCH, I8, announced=announced, counted=False)(march)
+    return entry(GIVEN_MARCH, I8, announced=_ANNOUNCED[way], counted=False)(march)
 
 
 MARCHES = {

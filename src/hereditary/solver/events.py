@@ -60,7 +60,7 @@ class Events:
         signs: dict[str, float],
         n_events: int | None = None,
     ) -> None:
-        self._functions, self._by_steps = list(functions), stepper.counted
+        self._functions, self._counted = list(functions), stepper.counted
         self._looks = 1 if stepper.counted else _LOOKS
         self.n_events = len(self._functions) if n_events is None else n_events
         self._limits = [_limit(function) for function in self._functions]
