@@ -369,6 +369,8 @@ SCHEMES = [
      ValueError, "equation must have constant orders"),
     *each(lambda scheme: scheme.step_limit(hd.scenes.relaxation(alpha=1.0), -1.0),
           [hd.ExplicitCaputo(), hd.GrunwaldLetnikov()], ValueError, "stiffness must"),
+    *each(lambda scheme: scheme.step_limit(hd.scenes.relaxation().system, 1.0),
+          [hd.ExplicitCaputo(), hd.GrunwaldLetnikov()], TypeError, "equation must be"),
     (lambda: hd.GrunwaldLetnikov().step_limit(equation(waving), 1.0),
      ValueError, "terms must have constant orders with GrunwaldLetnikov"),
     *((lambda scheme=scheme, m=m: run(equation=equation([KERNEL_BESIDE, hd.Memory(PRONY, m)]),

@@ -347,7 +347,7 @@ class Equation:
         """
         if self.system.read.any():
             required = "read no memory where its Jacobian by y alone is asked for"
-            refuse("rhs", required, "memory")
+            refuse("rhs", required, "memory", "or take differences of rhs(t, y, memory)")
         try:
             return self.system.derivative(t - self.t_start, y)
         except PythonRaised as error:

@@ -16,7 +16,7 @@ import numpy as np
 from ...equation.equation import Equation
 from ...equation.system import System, distinct_components
 from ...stepping.scheme import Scheme, check_smoothness
-from ...support.checks import refuse, within
+from ...support.checks import instance, refuse, within
 from ..plan import Plan
 from ..row_plan import varying_plan
 from ..stability import largest_step, polylogarithm, stability_region
@@ -115,7 +115,7 @@ class ExplicitCaputo(Scheme):
         0.666666666667
         """
         stiffness = within("stiffness", stiffness, 5e-324, np.inf, "(0, inf)")
-        system = equation.system
+        system = instance("equation", equation, Equation, "hereditary.Equation(...)").system
         if system.varies:
             refuse("equation", "have constant orders", repr(equation), "ask for those of one time")
         return largest_step(lambda h: self._limits(system, h)[: system.n_solved], stiffness)

@@ -16,7 +16,7 @@ from ...equation.equation import Equation
 from ...equation.system import System, distinct_components
 from ...kernels.special import mean_exponential
 from ...stepping.scheme import Scheme, check_smoothness
-from ...support.checks import refuse, within
+from ...support.checks import instance, refuse, within
 from ..plan import Plan, WeightRule
 from ..stability import largest_step, stability_region
 from ..uniform_plan import uniform_plan
@@ -128,7 +128,7 @@ class GrunwaldLetnikov(Scheme):
         >>> round(hd.GrunwaldLetnikov().step_limit(eq, 4.0), 12)
         0.125
         """
-        system = equation.system
+        system = instance("equation", equation, Equation, "hereditary.Equation(...)").system
         self.check_terms(system)
         stiffness = within("stiffness", stiffness, 5e-324, np.inf, "(0, inf)")
         return largest_step(lambda h: self._limits(system, h)[: system.n_solved], stiffness)
