@@ -19,7 +19,7 @@ from ..stepping.stepper import Health, JumpingStepper, ResumableStepper, Tangent
 from ..stepping.times import breaks_ahead
 from ..support.checks import refuse
 from .equations import integral_form
-from .error_estimate import SMALL, raise_small
+from .error_estimate import SMALL, raise_small_once
 from .first_rule import convolutions, first_rule
 from .jumps import jump
 from .march import (
@@ -33,7 +33,7 @@ from .march import (
     TOO_ROUGH,
     march_adaptive,
     march_of,
-    set_units,
+    set_units_once,
 )
 from .mode_tables import empty_tables, empty_weights, floor_to_grid
 from .operators import FORCE, POSITION, PRIMARY, empty_operators
@@ -455,7 +455,7 @@ class AdaptiveStepper(ResumableStepper, TangentStepper, JumpingStepper):
     def _sizes(self):
         """Sizes of the components, (d,): the largest |y| so far, or a fraction of the others'."""
         sizes = self._state.sizes.copy()
-        raise_small(self._marched.quantities, SMALL, sizes)
+        raise_small_once(self._marched.quantities, SMALL, sizes)
         return sizes
 
     def _still_sizes(self):
@@ -522,7 +522,7 @@ class AdaptiveStepper(ResumableStepper, TangentStepper, JumpingStepper):
         orbit, form, t, left = self._orbit, self._form, self.t, t_stop - self.t
         units, system = np.empty(self._marched.d), self._marched
         of_run = self._limits(t_stop)
-        set_units(orbit.equations(system), self._sizes, orbit.x[0], of_run, units)
+        set_units_once(orbit.equations(system), self._sizes, orbit.x[0], of_run, units)
         limits = self.step_limits.longest[0], self._farthest / _LARGEST_RATIO
         how = t, left, *limits, self._state.counts, units
         self._ending, at_rest = _TOO_STEEP, _FIRST_AT_REST * self.step_limits.longest[1]

@@ -5,7 +5,7 @@ import math
 import numpy as np
 
 from ..compiled.jacobian import LEAST
-from ..compiled.jit import inner
+from ..compiled.jit import F8, IVEC, VEC, entry, inner
 from ..compiled.linalg import clear
 from .newton import forces, nodal_slopes, residuals, solve_newton
 from .operators import FORCE, POSITION, PRIMARY, SLOPE, subtract_from_forces
@@ -352,6 +352,12 @@ def raise_small(quantities, fraction, sizes):
         begins = begins or largest == 0.0
         number += 1
     return begins
+
+
+@entry(IVEC, F8, VEC)
+def raise_small_once(quantities, fraction, sizes):
+    """Call `raise_small` from Python."""
+    raise_small(quantities, fraction, sizes)
 
 
 @inner

@@ -3,8 +3,9 @@
 import numpy as np
 
 from ..compiled.jacobian import LEAST
-from ..compiled.jit import as_value, entry, inner, plug_in
+from ..compiled.jit import VEC, as_value, compiled_type, entry, inner, plug_in
 from ..compiled.linalg import clear_matrix, put, put_cube, put_matrix
+from ..compiled.reference import Reference
 from .error_estimate import (
     ROUNDING_OF_SUMS,
     SMALL,
@@ -41,6 +42,8 @@ from .structures import (
     READING_SIG,
     TANGENTS_SIG,
     AdaptiveMarch,
+    Equations,
+    Limits,
 )
 
 # Goal of Newton's method, in tolerances.
@@ -144,6 +147,12 @@ def set_units(equations, sizes, x, limits, out):
         unit = units[c] if by_size or out[c] == 0.0 else min(units[c], out[c])
         unit = max(unit, least)
         out[c] = unit if unit > LEAST else 1.0
+
+
+@entry(Reference(compiled_type(Equations)), VEC, VEC, Reference(compiled_type(Limits)), VEC)
+def set_units_once(equations, sizes, x, limits, out):
+    """Call `set_units` from Python, before the first step of a run."""
+    set_units(equations, sizes, x, limits, out)
 
 
 @inner
