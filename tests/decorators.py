@@ -5,8 +5,4 @@ DECORATORS = {
     "compiled",
     "plug_in",
     "inner",
-    "embedded",
-    "allocating",
-    "reordered",
-    "inlined",
 }

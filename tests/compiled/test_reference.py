@@ -12,7 +12,6 @@ from hereditary.compiled.jit import (
     RHS_SIG,
     Matrix,
     Vector,
-    allocating,
     as_value,
     compiled,
     compiled_type,
@@ -59,14 +58,14 @@ def move(m, t):
     m.counts.step += 1
 
 
-@allocating
+@inner(allocates=True)
 def sum_of(room):
     """Arrays of the record are cut and copied as any others."""
     part, copied = room.after[1:], room.after.copy()
     return part.sum() + copied[0]
 
 
-@entry(WORK, counted=False)
+@entry(WORK, allocates=False)
 def march(m):
     for n in range(m.n_steps):
         move(m, n * m.h)

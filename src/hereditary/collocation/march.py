@@ -287,7 +287,7 @@ def take_steps(march):
     return row, REACHED
 
 
-@entry(ADAPTIVE_MARCH, announced="the march of collocation", counted=False)
+@entry(ADAPTIVE_MARCH, announced="the march of collocation", allocates=False)
 def march_adaptive(march):
     """March until `limits.stop`; return the accepted steps and a status code."""
     m = march.work

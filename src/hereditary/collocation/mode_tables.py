@@ -9,7 +9,7 @@ import math
 
 import numpy as np
 
-from ..compiled.jit import allocating, inner, plug_in
+from ..compiled.jit import inner, plug_in
 from ..compiled.linalg import add_rows, clear, clear_matrix, multiply_modes, put
 from .operators import first_of_kind, number_of
 from .structures import ModeWeights, StepTables
@@ -122,7 +122,7 @@ def turning_decay(z):
     return decay(z.real) * complex(math.cos(z.imag), -math.sin(z.imag))
 
 
-@allocating
+@inner(allocates=True)
 def set_kernel_matrix(h, nodes, basis, weights, mass, out):
     """Set out[i, j], the weight of the value at node j in the convolution at node i, over one step.
 

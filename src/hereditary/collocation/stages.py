@@ -19,7 +19,7 @@ import numpy as np
 
 from ..compiled.callbacks import PythonRaised, call_at, call_lapack
 from ..compiled.jacobian import COLUMNS, ROWS, VALUES
-from ..compiled.jit import allocating, inner, plug_in, reordered
+from ..compiled.jit import inner, plug_in
 from ..compiled.linalg import (
     clear_matrix,
     factorise,
@@ -45,7 +45,7 @@ _WITH = ord("V")
 _SCALING = ord("S")
 
 
-@allocating
+@inner(allocates=True)
 def diagonalise_stages(stage):
     """Set the eigenvalues that are needed, and both transforms; False where there are none."""
     s = stage.integral.shape[0]
@@ -80,7 +80,7 @@ def diagonalise_stages(stage):
     return True
 
 
-@allocating
+@inner(allocates=True)
 def set_inverse(a, out):
     """Set the inverse of a (s, s), column by column; False for a singular matrix."""
     # loops take less time to compile than NumPy's functions, and s is small
@@ -107,7 +107,7 @@ def set_product(a, b, out):
                 out[i, j] += a[i, k] * b[k, j]
 
 
-@allocating
+@inner(allocates=True)
 def eigenvectors(lapack, matrix, values, imaginary, vectors):
     """Set both parts of the eigenvalues, (s,), and the eigenvectors by LAPACK; False if it fails.
 
@@ -135,7 +135,7 @@ def eigenvectors(lapack, matrix, values, imaginary, vectors):
     return numbers[2] == 0 and room[0, 0] == room[0, 0]
 
 
-@reordered
+@inner(reorders=True)
 def project(k, values, stage, out):
     """Set the right-hand side of system k, (d,), from nodal values (d, s)."""
     real, imaginary = stage.back[k].real.copy(), stage.back[k].imag.copy()
@@ -147,7 +147,7 @@ def project(k, values, stage, out):
         out[c] = complex(a, b)
 
 
-@allocating
+@inner(allocates=True)
 def add_solution(k, solution, stage, out):
     """Add the solution of system k, (d,), to nodal values (d, s)."""
     real, imaginary = stage.forth[:, k].real.copy(), stage.forth[:, k].imag.copy()
@@ -196,7 +196,7 @@ def dense_stages(task, values, stage):
     return 0
 
 
-@allocating
+@inner(allocates=True)
 def reduce(stage):
     """Set D, H and Q of ``D^-1 J D = Q H Q^T`` by LAPACK; False where J is not finite.
 
@@ -274,7 +274,7 @@ def set_shifted_row(i, shift, h, real, imaginary):
     row[i] += 1.0
 
 
-@allocating
+@inner(allocates=True)
 def substitute_hessenberg(real, imaginary, exchanged, x):
     """Solve for x (n,) with the factors of `eliminate`."""
     n = x.shape[0]
@@ -289,7 +289,7 @@ def substitute_hessenberg(real, imaginary, exchanged, x):
         x_real[j], x_imaginary[j] = x[j].real, x[j].imag
 
 
-@reordered
+@inner(reorders=True)
 def complex_dot(real, imaginary, x_real, x_imaginary, first, end):
     """Return both parts of the sum of products of two complex vectors."""
     a, b = 0.0, 0.0
@@ -371,7 +371,7 @@ def sparse_stages(task, values, stage):
     return 0
 
 
-@allocating
+@inner(allocates=True)
 def linear_solver(stage):
     """Allocate a real linear solver for all unknowns."""
     return LinearSolver(
@@ -428,7 +428,7 @@ def set_pencil(own, integral, is_speed, out):
             out[REST, i, j] = (1.0 if i == j else 0.0) - own[PRIMARY, i, j] - rest
 
 
-@allocating
+@inner(allocates=True)
 def set_entries(stage):
     """Set the entries of the matrix of all stages, as `stage_matrix`, of a sparse Jacobian."""
     entries, kinds, second, out = stage.jacobians[0], stage.kinds, stage.second, stage.joint

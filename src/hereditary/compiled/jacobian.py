@@ -7,20 +7,7 @@ order of their groups. Systems of few components are always dense, so these shap
 
 import numpy as np
 
-from .jit import (
-    F8,
-    JAC_SIG,
-    MAT,
-    VEC,
-    allocating,
-    as_value,
-    compiled,
-    entry,
-    inlined,
-    inner,
-    plug_in,
-    reordered,
-)
+from .jit import F8, JAC_SIG, MAT, VEC, as_value, compiled, entry, inner, plug_in
 from .linalg import dot
 from .signatures import JACOBIAN_SIG, RIGHT_SIDE, RightSide, UserFunctions
 
@@ -36,13 +23,13 @@ LEAST = 1e-200
 VALUES, ROWS, COLUMNS, GROUPS, CONSTANTS, N_ENTRY_ROWS = range(6)
 
 
-@inlined
+@inner
 def is_sparse(j_f, n):
     """Return whether a Jacobian of n components is given by its entries."""
     return j_f.shape[0] != n
 
 
-@inlined
+@inner
 def finite_between(d, up, down):
     """Return whether the differences of d values are finite."""
     finite = True
@@ -51,7 +38,7 @@ def finite_between(d, up, down):
     return finite
 
 
-@allocating
+@inner(allocates=True)
 def extend(rhs, t, y, params, up, down):
     """Continue f by a straight line to the side of y where it is not finite.
 
@@ -77,7 +64,7 @@ def multiply(j_f, x, out):
             out[int(j_f[ROWS, k])] += j_f[VALUES, k] * x[int(j_f[COLUMNS, k])]
 
 
-@reordered
+@inner(reorders=True)
 def magnitudes(j_f, x, out):
     """Set out = |J| |x|, of a dense Jacobian or a sparse one."""
     n = x.shape[0]

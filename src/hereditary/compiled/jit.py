@@ -1,15 +1,18 @@
 """Compile functions of the package.
 
-`inner` is for functions called from compiled code alone, `compiled` for any other. `entry` is for
-the loops that Python calls, `plug_in` for fields of their records (compiled/reference.py).
-`as_value` is for a compiled function that is handed to an entry as a first-class value or in such a
-field. Entries are compiled at first use for one fixed list of argument types and then
-locked. So they are compiled once per machine, whatever functions they are given.
+- `entry` is for a loop that Python calls. It is compiled at the first call for one fixed list of
+  argument types and then locked. So it is compiled once per machine, whatever functions it gets.
+- `inner` is for a function that compiled code calls by its name.
+- `plug_in` is for a function that compiled code gets as a field of a record
+  (compiled/reference.py), and `as_value` compiles it for the signature of the field.
+- `compiled` is for a function that Python calls as well.
+- `derived` is for a function that is made of a user's functions.
 """
 
 import gc
 import signal
 import threading
+from functools import partial
 from typing import Annotated, Any, TypeAlias, get_type_hints
 
 import numpy as np
@@ -108,14 +111,12 @@ class _Compiling:
 compiling = _Compiling()
 
 
-def compiled(fun, fused=False, announced=None, **options):
+def compiled(fun, announced=None, **options):
     """Compile `fun` on first call: cached on disk, without the GIL, with IEEE division.
 
-    With `fused` a product may be added without being rounded first; nothing is reordered, unless
-    `fused` names more of LLVM's liberties. `announced` is that of `CodeCache`.
+    `announced` is that of `CodeCache`.
     """
-    loose = {"contract"} if fused is True else fused
-    dispatcher = njit(nogil=True, error_model="numpy", fastmath=loose, **options)(fun)
+    dispatcher = njit(nogil=True, error_model="numpy", **options)(fun)
     if config.DISABLE_JIT:
         return dispatcher
     options = internals.stated_options(internals.options_of(dispatcher))
@@ -143,39 +144,34 @@ def _guarded(dispatcher, finish=None):
     return dispatcher
 
 
-def inner(fun):
-    """Compile `fun` for compiled callers alone, without the wrappers that others would need.
+def inner(fun=None, *, allocates=False, fuses=False, reorders=False):
+    """Compile `fun` into the machine code of compiled callers; nothing is kept on disk.
 
-    They are a seventh of the time of all compilation. Called from Python its source is run. Numba
-    counts no references to arrays in it, which its callers keep alive; it makes none, and returns
-    none.
+    It gets no wrappers for other callers, which are a seventh of the time of all compilation.
+    Called from Python its source is run.
+
+    Parameters
+    ----------
+    fun : function, optional
+        Without it, the decorator with these options.
+    allocates : bool
+        Whether it makes or returns arrays. In one that does not, numba counts no references to
+        arrays, which the callers keep alive.
+    fuses : bool
+        Whether a product may be added without being rounded first.
+    reorders : bool
+        Whether its sums may be in the fastest order, fused too. It allocates.
     """
-    return _linked(fun, False, _nrt=False, forceinline=False)
-
-
-def embedded(fun, fused=False):
-    """Compile into the code of the only caller: to hand many arrays on takes 0.3 us.
-
-    All that the function calls get this option from numba, unless they have their own.
-    """
-    return _linked(fun, {"contract"} if fused else False, _nrt=False, forceinline=True)
-
-
-def allocating(fun):
-    """Compile like `inner` a function that makes, returns or gets back arrays."""
-    return _linked(fun, False, _nrt=True)
-
-
-def reordered(fun):
-    """Compile like `allocating`, with sums in the fastest order."""
-    return _linked(fun, {"contract", "reassoc"}, _nrt=True)
-
-
-def _linked(fun, loose, **how):
-    """Compile `fun` into its callers' machine code; nothing is kept on disk."""
-    check = None if how["_nrt"] else _refuse_arrays
-    how = internals.linking(**how)
-    return _for_callers(njit(nogil=True, error_model="numpy", fastmath=loose, **how)(fun), check)
+    if fun is None:
+        return partial(inner, allocates=allocates, fuses=fuses, reorders=reorders)
+    if config.DISABLE_JIT:
+        return fun
+    counts, loose = allocates or reorders, {"contract"} if fuses else set()
+    if reorders:
+        loose = {"contract", "reassoc"}
+    how = {"nogil": True, "error_model": "numpy", "fastmath": loose, "_nrt": counts}
+    linked = internals.linked(fun, how)
+    return _guarded(linked, None if counts else _refuse_arrays)
 
 
 def _refuse_arrays(result):
@@ -185,52 +181,37 @@ def _refuse_arrays(result):
         if isinstance(kind, types.BaseTuple):
             returned.extend(kind)  # type: ignore[arg-type]
         if isinstance(kind, types.Array):
-            raise TypeError(f"{result.fndesc.qualname} returns an array; make it `allocating`")
+            raise TypeError(
+                f"{result.fndesc.qualname} returns an array; make it `inner(allocates=True)`"
+            )
 
 
-def _for_callers(dispatcher, check=None):
-    """Let Python run the source of a function that is compiled for compiled callers alone."""
-    if config.DISABLE_JIT:
-        return dispatcher
-    if internals.LINKED:
-        dispatcher.__class__ = internals.Inner
-    return _guarded(dispatcher, check)
+def derived(fun, allocates=True):
+    """Compile a function that is made of a user's functions, for this process alone."""
+    return njit(error_model="numpy", nogil=True, **_counting(allocates))(fun)
 
 
-def inlined(fun):
-    """Compile `fun` into its callers.
-
-    For a few lines in a step loop that touch many arrays, which it takes 45 ns a call to hand on.
-    Called from Python its source is run.
-    """
-    return _for_callers(njit(inline="always")(fun))
-
-
-def derived(fun, counted=True):
-    """Compile a function that is made of a user's functions, for this process alone.
-
-    One that is not `counted` makes no arrays and is handed none back.
-    """
-    how = {} if counted else internals.uncounted()
-    return njit(error_model="numpy", nogil=True, **how)(fun)
+def _counting(allocates):
+    return {} if allocates else internals.uncounted()
 
 
 def as_value(fun, signature):
-    """Compile a function of the package, for its only signature, to be passed as a value."""
-    if config.DISABLE_JIT or isinstance(fun, internals.Value):
+    """Compile a function for its only signature, to be a field of a record."""
+    if config.DISABLE_JIT or getattr(fun, "of_signature", None) == signature:
         return fun
     with compiling:
         if signature.args not in fun.overloads:
             fun.compile(signature.args)
-        internals.become_value(fun, signature)
-        compiled_as = fun.overloads[signature.args]
-        find = compiled_as.library.get_pointer_to_function
-        fun.address, fun.of_signature = find(compiled_as.fndesc.llvm_func_name), signature
+        result = fun.overloads[signature.args]
+        returned = types.unliteral(result.signature.return_type)
+        if returned != signature.return_type:
+            raise TypeError(f"{fun.__name__} must be {signature}; it returns {returned}")
+        fun.address, fun.of_signature = internals.address_of(result), signature
     return fun
 
 
 def loop_value(loop, signature):
-    """Return an `entry` as a value that another entry takes as an argument."""
+    """Return an `entry` as a value that is a field of a record."""
     if config.DISABLE_JIT:
         return loop
     loop.compiled()
@@ -244,22 +225,19 @@ def _as_argument(value, kind):
 class entry:
     """Decorator of a top-level loop: compiled for `argtypes` at the first call, then locked.
 
-    `announced` names one whose compilation takes seconds. A loop that is not `counted` makes no
-    arrays. Then numba counts no references to those that it is handed, which takes a fifth of its
-    steps.
+    `announced` names one whose compilation takes seconds. In a loop that makes no arrays numba
+    counts no references, which takes a fifth of its steps.
     """
 
-    def __init__(self, *argtypes, fused=False, announced=None, counted=True):
-        self.argtypes, self.fused, self.announced = argtypes, fused, announced
-        self.counted = counted
+    def __init__(self, *argtypes, announced=None, allocates=True):
+        self.argtypes, self.announced, self.allocates = argtypes, announced, allocates
 
     def __call__(self, fun):
         if config.DISABLE_JIT:
             return fun
         # called from Python alone: another wrapper would take a tenth of the compilation
-        how = internals.without("cfunc") if internals.FUNCTION_VALUES else {}
-        how |= {} if self.counted else internals.uncounted()
-        dispatcher = compiled(fun, self.fused, self.announced, **how)
+        how = internals.without("cfunc") | _counting(self.allocates)
+        dispatcher = compiled(fun, self.announced, **how)
 
         def ready():
             if not dispatcher.overloads:

@@ -5,18 +5,18 @@ import importlib
 import numpy as np
 
 from .callbacks import call_lapack, lapack_address
-from .jit import allocating, compiled, inlined, inner, reordered
+from .jit import compiled, inner
 from .signatures import FACTORISE
 
 
-@inlined
+@inner
 def put(values, out):
     """Copy a vector."""
     for c in range(out.shape[0]):
         out[c] = values[c]
 
 
-@inlined
+@inner
 def clear(out):
     """Set a vector to 0."""
     for c in range(out.shape[0]):
@@ -149,7 +149,7 @@ def subtract_rows(a, first, last):
             row[k] = row[k] - of_b * b[k] - of_c * c[k] - of_d * d[k] - of_e * e[k]
 
 
-@allocating
+@inner(allocates=True)
 def factorise_large(a, order, lapack):
     """Factorise like `factorise`, by the function of LAPACK at an address."""
     n = a.shape[0]
@@ -183,7 +183,7 @@ def transpose(a):
             a[i, k], a[k, i] = a[k, i], a[i, k]
 
 
-@allocating
+@inner(allocates=True)
 def product(a, b, out):
     """Set out = a b, by blocks of rows for which BLAS uses no threads.
 
@@ -195,7 +195,7 @@ def product(a, b, out):
         np.dot(a[first : first + rows], b, out[first : first + rows])
 
 
-@allocating
+@inner(allocates=True)
 def transposed_product(a, b, out):
     """Set out = a^T b, as `product`."""
     # a (k, m), b (k, n), out (m, n)
@@ -206,7 +206,7 @@ def transposed_product(a, b, out):
         out += part
 
 
-@reordered
+@inner(reorders=True)
 def dot(row, x, first, end):
     """Return the sum of products of two vectors, from `first` to before `end`."""
     total, a, b = 0.0, row[first:end], x[first:end]

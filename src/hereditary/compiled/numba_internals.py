@@ -10,13 +10,12 @@ import inspect
 import os
 import re
 import sys
-from functools import lru_cache
 from importlib import import_module
 from types import SimpleNamespace
 from typing import Any
 
 import numba
-from numba import TypingError, config, types
+from numba import config, types
 
 from ..support.warning import warn
 
@@ -84,38 +83,6 @@ class _LinkedLibrary(_Library):
         return 0
 
 
-class Value(_Dispatcher):
-    """A compiled function of one signature that is handed to loops.
-
-    At every entry numba would make its type anew. It would look up the function by its signature
-    and its two addresses by their names, which takes 25 us.
-    """
-
-    _numba_type_ = property(lambda self: self._own_type)
-
-    def get_compile_result(self, sig):
-        """Return the compile result, for its signature alone."""
-        if sig is not self._asked:  # a comparison takes 1 us
-            if sig != self._signature:
-                raise TypingError(f"{self.__name__} is {self._signature}, not {sig}")
-            self._asked: Any = sig
-        return self._loaded
-
-    def _reduce_class(self):
-        return _Dispatcher
-
-
-class _Loaded:
-    """A compile result that remembers where its functions are."""
-
-    def __init__(self, compiled):
-        self.fndesc = compiled.fndesc
-        self.library = self
-        find, own = compiled.library.get_pointer_to_function, self.fndesc.llvm_func_name
-        # entries have no wrapper for C, which is never called, but asked for
-        self.get_pointer_to_function = lru_cache(lambda name: find(name) or find(own))
-
-
 class Entries(_FunctionCache):
     """Machine code of one function in the user's cache, of one stamp and one set of options."""
 
@@ -169,6 +136,10 @@ def _key(sig, processor, options):
     return sig, processor, options, bool(config.BOUNDSCHECK)
 
 
+def _arguments(call):
+    return {*inspect.signature(call).parameters}
+
+
 def _takes(owner, *calls):
     """Return whether a class has methods of the given names and arguments."""
     return all(
@@ -177,39 +148,21 @@ def _takes(owner, *calls):
     )
 
 
-def _becomes(subclass):
-    """Return a compiled function that has become one of a subclass."""
-    trial: Any = numba.njit(_becomes)
-    trial._own_type = trial._numba_type_
-    trial.__class__ = subclass
-    return trial
-
-
 def _links():
-    options = {"_nrt", "no_cpython_wrapper", "no_cfunc_wrapper", "forceinline"}
+    options = {"_nrt", "no_cpython_wrapper", "no_cfunc_wrapper"}
     steps = "optimize_final_module finalize_final_module finalize_dynamic_globals ensure_finalized "
     steps += "verify_declare_only_symbols"
     return (
-        isinstance(_becomes(Inner), Inner)
-        and _takes(_Dispatcher, "get_call_template args kws")
+        _takes(_Dispatcher, "get_call_template args kws")
+        and {"py_func", "targetoptions", "pipeline_class"} <= _arguments(_Dispatcher)
         and options <= set(dir(_private("core.cpu", "CPUTargetOptions")))
         and _takes(_Library, *(f"_{step}" for step in steps.split()))
         and _takes(_Library, "__init__ codegen name", "get_pointer_to_function name")
         and isinstance(_Library.codegen, property)
         and _takes(_Compiler, "compile_extra func")
-        and "library" in inspect.signature(_Compiler).parameters
+        and "library" in _arguments(_Compiler)
         and _takes(_Result, "_find_referenced_environments")
         and _takes(_private("core.codegen", "JITCPUCodegen"), "set_env env_name env")
-    )
-
-
-def _hands_on():
-    trial = _becomes(Value)
-    return (
-        numba.typeof(trial) is trial._own_type
-        and _takes(_Dispatcher, "get_compile_result sig", "_reduce_class")
-        and _takes(_Library, "get_pointer_to_function name")
-        and hasattr(_private("core.funcdesc", "FunctionDescriptor"), "llvm_func_name")
     )
 
 
@@ -233,15 +186,14 @@ def _passes(probe):
         return False
 
 
-_FOUND = [*map(_passes, (_links, _hands_on, _stores))]
-LINKED, FUNCTION_VALUES, STORED = _FOUND
-if not (config.DISABLE_JIT or all(_FOUND)):
-    _NAMES = "linked functions", "function values", "code on disk"
-    _missing = ", ".join(name for name, found in zip(_NAMES, _FOUND, strict=True) if not found)
+LINKED = _passes(_links)
+STORED = _passes(_stores)
+if not (config.DISABLE_JIT or (LINKED and STORED)):
+    _MISSING = ["linked functions"] * (not LINKED) + ["code on disk"] * (not STORED)
     warn(
         f"hereditary uses plain numba {numba.__version__} in place of private parts that are "
-        f"missing ({_missing}): results are the same, compilation and runs take longer; install "
-        "numba>=0.61,<0.69",
+        f"missing ({', '.join(_MISSING)}): results are the same, compilation and runs take longer; "
+        "install numba>=0.61,<0.69",
         RuntimeWarning,
     )
 
@@ -271,10 +223,12 @@ def uncounted():
     return {"_nrt": False} if LINKED else {}
 
 
-def linking(**options):
-    """Return options of numba.jit for a function that is linked into its callers."""
-    own = {**options, **without("cpython", "cfunc"), "pipeline_class": _LinkedCompiler}
-    return own if LINKED else {}
+def linked(fun, options):
+    """Return a compiled function that is linked into its callers, with options of numba.jit."""
+    if not LINKED:
+        return numba.njit(**{name: value for name, value in options.items() if name != "_nrt"})(fun)
+    options |= {"nopython": True, **without("cpython", "cfunc")}
+    return Inner(py_func=fun, targetoptions=options, pipeline_class=_LinkedCompiler)
 
 
 def set_environments(result):
@@ -283,13 +237,6 @@ def set_environments(result):
         result.library.codegen.set_env(environment.env_name, environment)
 
 
-def become_value(dispatcher, signature):
-    """Let a compiled function be handed to loops, as a value of one signature."""
-    result = dispatcher.overloads[signature.args]
-    returned = types.unliteral(result.signature.return_type)
-    if returned != signature.return_type:
-        raise TypeError(f"{dispatcher.__name__} must be {signature}; it returns {returned}")
-    if FUNCTION_VALUES:
-        dispatcher._signature = dispatcher._asked = signature
-        dispatcher._own_type = dispatcher._numba_type_
-        dispatcher._loaded, dispatcher.__class__ = _Loaded(result), Value
+def address_of(result):
+    """Return the address of the machine code of a compile result."""
+    return result.library.get_pointer_to_function(result.fndesc.llvm_func_name)

@@ -5,7 +5,7 @@ Intervals are whole numbers of marks. On given steps a mark is a step.
 
 import numpy as np
 
-from .jit import allocating, inner
+from .jit import inner
 
 # Least growth, or spread, of tangents over one interval where the interval follows the growth. R
 # loses about as many of sixteen digits as there are in exp(spread).
@@ -27,7 +27,7 @@ def due(schedule):
     return schedule["transient"] if schedule["last"] < schedule["transient"] < stop else stop
 
 
-@allocating
+@inner(allocates=True)
 def note(schedule, n, logs):
     """Note the growth (k,) up to mark n, and suit the interval to it."""
     schedule["last"] = n

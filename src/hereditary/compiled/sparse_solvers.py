@@ -12,7 +12,7 @@ import numpy as np
 
 from .callbacks import C_FUNCTION, PythonRaised, call_at, call_lapack, keep_raised
 from .jacobian import COLUMNS, ROWS, VALUES
-from .jit import allocating, compiled, inner
+from .jit import compiled, inner
 from .signatures import FACTORISE
 
 _N_NUMBERS = 5
@@ -53,7 +53,7 @@ def substitute_band(factors, lower, upper, x):
             x[j - k] -= value * factors[j, diagonal - k]
 
 
-@allocating
+@inner(allocates=True)
 def factorise_band(matrix, place, lower, upper, lapack, factors):
     """Set the factors of a sparse matrix as LAPACK has them; 0 where none is singular."""
     n, width, wrong = factors.shape[0], factors.shape[1] - 1, 0

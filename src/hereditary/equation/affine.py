@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..compiled.jit import JAC_SIG, RHS_SIG, as_value, compiled, derived, inlined, inner
+from ..compiled.jit import JAC_SIG, RHS_SIG, as_value, compiled, derived, inner
 
 # Numbers behind the matrices.
 _SIZES = 5
@@ -64,13 +64,13 @@ def _by_rows(triples: ArrayLike, n: int) -> np.ndarray:
     return np.concatenate([begins, triples[:, 1:].ravel()])
 
 
-@inlined
+@inner
 def own_size(params: np.ndarray) -> int:
     """Return the number of parameters of f."""
     return int(params[-3])
 
 
-@inlined
+@inner
 def later(t: float, params: np.ndarray) -> float:
     """Return the time at which f is taken."""
     return t + params[-5]
@@ -92,7 +92,7 @@ def _side(rhs: Any, in_place: bool) -> Any:
         rhs(later(t, params), z, force, params[: own_size(params)])
         _combine(x, force, out, params)
 
-    return as_value(derived(last, False) if in_place else derived(anywhere), RHS_SIG)
+    return as_value(derived(last, allocates=False) if in_place else derived(anywhere), RHS_SIG)
 
 
 @lru_cache(maxsize=64)

@@ -206,7 +206,7 @@ def _build(
         simple = isinstance(returned, (types.NoneType, types.Number, types.Boolean))
         copied = bool(_PAST_READ_ONLY & code_names(key[0]))
         adapter = _adapter(_split(jitted, k), arity, form, len(shape))
-        adapter = derived(adapter, counted=not simple)
+        adapter = derived(adapter, allocates=not simple)
         adapter = derived(_of_copies(adapter)) if copied else adapter
         return as_value(derived(_of_parts(adapter)) if start.paired else adapter, key[2]), ""
     except Exception as error:  # numba raises many types besides its own

@@ -11,7 +11,7 @@ from typing import Annotated, Any, NamedTuple
 import numpy as np
 from numba import from_dtype
 
-from ..compiled.jit import I8, MAT, Integers, Matrix, allocating, compiled_type, entry, inner
+from ..compiled.jit import I8, MAT, Integers, Matrix, compiled_type, entry, inner
 from ..compiled.reference import FunctionField, Reference
 from ..compiled.schedule import SCHEDULE, due, note
 from .block import RUNNING
@@ -77,7 +77,7 @@ def read_tangents(state, table, above, columns):
             columns[d + i, j] = (state.increment[c] + 0.5 * state.change[c]) / table.h
 
 
-@allocating
+@inner(allocates=True)
 def combine(array, d, matrix):
     """Replace the columns of tangents by their combinations, rows of `array` (W, n)."""
     k, n = matrix.shape[0], array.shape[1]
@@ -148,7 +148,7 @@ class Renormalisations(NamedTuple):
 
 @entry(
     GIVEN_MARCH, Reference(compiled_type(Renormalisations)), I8,
-    announced="the growth of tangents", counted=False,
+    announced="the growth of tangents", allocates=False,
 )  # fmt: skip
 def grow(march, growth, end):
     """March to step `end`, renormalising on the way; return how the march ended."""

@@ -141,7 +141,7 @@ def marching(name, way):
 
     march.__name__ = march.__qualname__ = name
     march.__doc__ = "March to step `end`; return how it ended (given/block.py)."
-    return entry(GIVEN_MARCH, I8, announced=_ANNOUNCED[way], counted=False)(march)
+    return entry(GIVEN_MARCH, I8, announced=_ANNOUNCED[way], allocates=False)(march)
 
 
 MARCHES = {

@@ -6,7 +6,7 @@ By Newton's method, or at once where only a constant matrix is taken implicitly.
 import numpy as np
 
 from ..compiled.jacobian import COLUMNS, ROWS, VALUES, is_sparse, magnitudes, multiply
-from ..compiled.jit import allocating, inner, plug_in
+from ..compiled.jit import inner, plug_in
 from ..compiled.linalg import solve_in_place
 from ..compiled.signatures import FACTORISE, SUBSTITUTE
 from .step import look
@@ -194,7 +194,7 @@ def set_factors(m, number):
     return m.solver(FACTORISE, number, matrix, m.room.moved[: m.table.n_orbit], m.linear) == 0
 
 
-@allocating
+@inner(allocates=True)
 def within_rounding(m, residual):
     """Return whether the residuals (n,) are rounding errors of their summands."""
     room, n = m.room, m.table.n_orbit

@@ -5,11 +5,9 @@ orders vary, a block is one step, and tables have a row for each of `rows` steps
 `first` on.
 """
 
-from functools import partial
-
 import numpy as np
 
-from ..compiled.jit import allocating, compiled, embedded, inner
+from ..compiled.jit import compiled, inner
 from ..compiled.linalg import add_rows, multiply_modes
 
 # rows of a term in the amplitudes of its modes
@@ -128,7 +126,7 @@ def two_sum(total, lost, term):
     return new, lost + ((total - (new - part)) + (term - part))
 
 
-@allocating
+@inner(allocates=True)
 def add_direct(lag, pieces, n, groups, tables, memory):
     """Store the finished block's pieces, and sum those stored: all, or those of this batch.
 
@@ -200,7 +198,7 @@ def set_amplitudes(scale, from_moments, decays, own):
         own[0, i] = before * own[1, i]
 
 
-@partial(embedded, fused=True)
+@inner(fuses=True)
 def read_rows(lag, pieces, n, groups, tables, memory):
     """Take u_(n-2) into the modes, and set the lag to what they give at step n.
 
