@@ -21,7 +21,7 @@ from ..compiled.reference import Reference
 from ..compiled.schedule import SCHEDULE
 from ..compiled.signatures import RightSide
 from ..equation.equation import Equation, current_equation
-from ..equation.system import System, distinct_components
+from ..equation.system import System
 from ..given.history.exponentials import SumOfExponentials
 from ..given.history.history import History
 from ..given.opening import open_pairs
@@ -656,7 +656,7 @@ def _second_order(equation: Equation) -> Scheme | None:
         return None
     if system.read.any():
         return BDF(2)
-    distinct, _ = distinct_components(marched(system, Adams()))
+    distinct, _ = marched(system, Adams()).distinct
     orders = [operator.order for key in distinct for _, operator in key]
     single = len(orders) == len(distinct)
     covered = min(orders) >= _ADAMS_LOWEST and max(orders) <= _ADAMS_HIGHEST

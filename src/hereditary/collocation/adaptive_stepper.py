@@ -435,9 +435,10 @@ class AdaptiveStepper(ResumableStepper, TangentStepper, JumpingStepper):
                     self._refine_modes(closest)
         if status == REACHED and self._error is None:
             self._set_origin(t_stop)
-        stretch = *before, self.t, counts, t_stop, steps.at_starts[:n], self._still_sizes()
-        if status in (FULL, TOO_CLOSE) and self.step_limits.is_stalled(*stretch):
-            status = CRAWLING
+        if status in (FULL, TOO_CLOSE):
+            stretch = *before, self.t, counts, t_stop, steps.at_starts[:n], self._still_sizes()
+            if self.step_limits.is_stalled(*stretch):
+                status = CRAWLING
         at_starts = np.abs(steps.at_starts[:n]).max(axis=0, initial=0.0)  # y, then p
         self._peak = np.maximum(self._peak, at_starts[::-1])
         if self.n_steps > _ROWS:  # little adds up over fewer

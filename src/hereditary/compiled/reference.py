@@ -208,9 +208,8 @@ def _check(record, form):
         elif type(how) is str:
             found = getattr(value, how, None)
             fits = found is like or found == like
-        elif type(value) is np.ndarray and value.ndim == like and value.dtype == how:
-            fits = value.flags.c_contiguous
         else:
-            fits = False
+            fits = type(value) is np.ndarray and value.ndim == like and value.flags.c_contiguous
+            fits = fits and (value.dtype is how or value.dtype == how)
         if not fits:
             raise TypeError(f"{name} must be of type {wanted}, not {value!r}")

@@ -116,6 +116,24 @@ class System:
         """Number of components with an equation, which come first."""
         return int(np.count_nonzero(~self.read))
 
+    @cached_property
+    def distinct(self) -> tuple[list[tuple[tuple[float, Any], ...]], np.ndarray]:
+        """Different lists of (coefficient, operator), and the number of each component's, (d,).
+
+        Terms with a zero coefficient are omitted.
+        """
+        columns = np.array([c for _, c in self.left])
+        if np.all(columns == columns[:, :1]):
+            columns = columns[:, :1]
+        rows = map(tuple, columns.T.tolist())
+        kinds: dict[tuple, int] = {}
+        numbers = [kinds.setdefault(row, len(kinds)) for row in rows]
+        held = [zip(row, self.left, strict=True) for row in kinds]
+        keys = [tuple((c, operator) for c, (operator, _) in terms if c != 0) for terms in held]
+        distinct = list(dict.fromkeys(keys))
+        found = np.array([distinct.index(key) for key in keys], dtype=np.int64)[numbers]
+        return distinct, np.broadcast_to(found, self.d).copy()
+
     @property
     def has_jac(self) -> bool:
         """Whether the Jacobian is given; otherwise it comes from differences."""
@@ -272,26 +290,6 @@ def leading_orders(left: Iterable[SystemTerm], d: int) -> np.ndarray:
         held = np.any(coefficients.reshape(-1, d) != 0, axis=0)
         highest = np.maximum(highest, np.where(held, operator.order, 0.0))
     return highest
-
-
-def distinct_components(
-    system: System,
-) -> tuple[list[tuple[tuple[float, Any], ...]], np.ndarray]:
-    """Return the different lists of (coefficient, operator), and the number of each component's.
-
-    Terms with a zero coefficient are omitted.
-    """
-    columns = np.array([c for _, c in system.left])
-    if np.all(columns == columns[:, :1]):
-        columns = columns[:, :1]
-    rows = map(tuple, columns.T.tolist())
-    kinds: dict[tuple, int] = {}
-    numbers = [kinds.setdefault(row, len(kinds)) for row in rows]
-    held = [zip(row, system.left, strict=True) for row in kinds]
-    keys = [tuple((c, operator) for c, (operator, _) in terms if c != 0) for terms in held]
-    distinct = list(dict.fromkeys(keys))
-    found = np.array([distinct.index(key) for key in keys], dtype=np.int64)[numbers]
-    return distinct, np.broadcast_to(found, system.d).copy()
 
 
 def variational(system: System, directions: np.ndarray) -> System:

@@ -14,7 +14,6 @@ from typing import Any
 
 import numpy as np
 
-from ..equation.system import distinct_components
 from ..kernels.step_kernel import ExponentialSteps
 from ..support.checks import refuse
 from .signatures import StepRows
@@ -196,9 +195,9 @@ class Plan:
 def distinct_columns(system):
     """Group columns by their terms and by whether they are memory that f reads.
 
-    As `distinct_components`; the first of the results lists terms and this truth value.
+    As `System.distinct`; the first of the results lists terms and this truth value.
     """
-    distinct, groups = distinct_components(system)
+    distinct, groups = system.distinct
     keys = [(distinct[a], bool(read)) for a, read in zip(groups, system.read, strict=True)]
     found = list(dict.fromkeys(keys))
     return found, np.array([found.index(key) for key in keys], dtype=np.int64)

@@ -7,7 +7,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from ..equation.system import System, distinct_components
+from ..equation.system import System
 from ..support.checks import one_of, refuse
 
 
@@ -81,7 +81,7 @@ class Scheme(ABC):
         if highest > self.orders[1]:
             required = f"be at most {self.orders[1]:g} for {self!r}"
             refuse("order", required, highest, "use BDF(2) or L1")
-        terms = 1 if self.several_terms else max(map(len, distinct_components(system)[0]))
+        terms = 1 if self.several_terms else max(map(len, system.distinct[0]))
         if terms > 1:
             refuse("terms", f"hold one term for each component with {name}", f"{terms}", remedy)
 

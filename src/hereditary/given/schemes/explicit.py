@@ -14,7 +14,7 @@ from typing import ClassVar
 import numpy as np
 
 from ...equation.equation import Equation
-from ...equation.system import System, distinct_components
+from ...equation.system import System
 from ...stepping.scheme import Scheme, check_smoothness
 from ...support.checks import instance, refuse, within
 from ..plan import Plan
@@ -122,7 +122,7 @@ class ExplicitCaputo(Scheme):
 
     def _limits(self, system, h):
         """Return the stiffness (d,) at which the alternating mode leaves the unit circle."""
-        distinct, groups = distinct_components(system)
+        distinct, groups = system.distinct
         limits = np.zeros(len(distinct))
         for i, key in enumerate(distinct):
             for c, operator in key:
@@ -159,7 +159,7 @@ def _start_weights(c, operator, h):
 
 
 def _region(system, h, limits):
-    distinct, _ = distinct_components(system)
+    distinct, _ = system.distinct
 
     def curve(zeta):  # sum_k b_k zeta**-k = (zeta - 1) Li_(-p)(1 / zeta)
         total = 0.0

@@ -13,7 +13,7 @@ import numpy as np
 from scipy.special import rgamma
 
 from ...equation.equation import Equation
-from ...equation.system import System, distinct_components
+from ...equation.system import System
 from ...kernels.special import mean_exponential
 from ...stepping.scheme import Scheme, check_smoothness
 from ...support.checks import instance, refuse, within
@@ -135,7 +135,7 @@ class GrunwaldLetnikov(Scheme):
 
     def _limits(self, system, h):
         """Return the stiffness (d,) at which the alternating mode leaves the unit circle."""
-        distinct, groups = distinct_components(system)
+        distinct, groups = system.distinct
         limits = [sum(c * (2 / h) ** op.order for c, op in key) for key in distinct]
         return np.array(limits)[groups]
 
@@ -188,7 +188,7 @@ SPEED = WeightRule(_speed, _speed_exponent, _modal_speed)
 
 
 def _region(system, h, limits):
-    distinct, _ = distinct_components(system)
+    distinct, _ = system.distinct
 
     def curve(zeta):
         terms = distinct[0]

@@ -6,7 +6,7 @@ from typing import ClassVar
 import numpy as np
 from scipy.special import rgamma
 
-from ...equation.system import System, distinct_components
+from ...equation.system import System
 from ...stepping.scheme import Scheme, check_smoothness
 from ...support.checks import refuse, within
 from ..plan import Plan
@@ -74,7 +74,7 @@ class L2Sigma(Scheme):
         """Return two equations of half the order if the order is in (1, 2]."""
         if system.highest_orders().max() <= 1:
             return None
-        distinct, _ = distinct_components(system)
+        distinct, _ = system.distinct
         if len(distinct) > 1 or len(distinct[0]) > 1:
             required = "be one for all components with L2Sigma above order 1"
             got = f"{len(distinct)} kinds of components, {len(distinct[0])} terms"
@@ -95,7 +95,7 @@ class L2Sigma(Scheme):
 
 def _terms(system):
     """Return coefficients and orders of the terms that all components share."""
-    distinct, _ = distinct_components(system)
+    distinct, _ = system.distinct
     if len(distinct) > 1:
         required = "be the same for all components with L2Sigma, whose sigma depends on them"
         got = f"{len(distinct)} different sets of orders and coefficients"
