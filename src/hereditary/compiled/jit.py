@@ -4,7 +4,7 @@
   argument types and then locked. So it is compiled once per machine, whatever functions it gets.
 - `inner` is for a function that compiled code calls by its name.
 - `plug_in` is for a function that compiled code gets as a field of a record
-  (compiled/reference.py), and `as_value` compiles it for the signature of the field.
+  (compiled/reference.py). `as_value` compiles it for the signature of the field.
 - `compiled` is for a function that Python calls as well.
 - `derived` is for a function that is made of a user's functions.
 """
