@@ -219,9 +219,8 @@ STEPS_THAT_ADAPT = [
     *each(lambda horizon: hd.Collocation(horizon=horizon), [0.0, -1.0, np.inf, "far"],
           BAD, "horizon must .*, got"),
     # memory that is read, and Riemann-Liouville
-    (lambda: adapt(equation=equation(1.6, [0.5, 0.0], read,
-                                     memory=hd.Memory(hd.TemperedPowerLaw(0.6, 1.0), 1))),
-     ValueError, "constant order with Collocation"),
+    (lambda: adapt(equation=equation(1.6, [0.5, 0.0], read, memory=C(lambda t: 0.5 + 0.1 * t))),
+     ValueError, "constant order and kernels with Collocation"),
     (lambda: adapt(equation=equation(C(0.9) + RL(0.4), rhs=read, memory=C(0.3))),
      ValueError, "where memory is read"),
     (lambda: adapt(equation=equation(C(0.8) + RL(half))),

@@ -45,6 +45,7 @@ from .kernels.memory_kernel import (
 )
 from .kernels.named_kernels import (
     DistributedOrder,
+    GammaDensity,
     MittagLeffler,
     PowerLaw,
     StretchedExponential,
@@ -76,6 +77,7 @@ __all__ = [
     "ExponentialSum",
     "FitResult",
     "FrequencyResponse",
+    "GammaDensity",
     "Graded",
     "GrunwaldLetnikov",
     "IdentifiabilityWarning",

@@ -18,6 +18,7 @@ from ..stepping.status import NOT_FINITE, Ending, Status, failed
 from ..stepping.stepper import Health, JumpingStepper, ResumableStepper, TangentStepper
 from ..stepping.times import breaks_ahead
 from ..support.checks import refuse
+from .algebraic import check_start, settled
 from .equations import integral_form
 from .error_estimate import SMALL, raise_small_once
 from .first_rule import convolutions, first_rule
@@ -40,7 +41,7 @@ from .operators import FORCE, POSITION, PRIMARY, empty_operators
 from .orbit import OrbitAndTangents, initial_unknowns
 from .pieces import FirstPiece, PolynomialPieces
 from .quadrature import radau_nodes, rule_of, shortened_legendre
-from .reading import Plain, Reading
+from .reading import Plain, Reading, is_read
 from .singular_start import trials
 from .stage_solver import has_stages, stage_solver
 from .structures import (
@@ -343,10 +344,11 @@ class AdaptiveStepper(ResumableStepper, TangentStepper, JumpingStepper):
     def __init__(self, system, scheme, t_end, tolerance, directions=None):
         scheme.check_terms(system)
         self.system, self._scheme, self._breaks = system, scheme, np.zeros(0)
-        self._view = view = (Reading if system.read.any() else Plain)(system)
+        self._view = view = (Reading if is_read(system) else Plain)(system)
         marched = view.system
         refuse_late(system, t_end)
         rtol, atol, modes_tol, *limits = tolerance
+        check_start(system, rtol, atol)
         self._tolerances, self.step_limits, self._rows = (rtol, atol), StepLimits(*limits), _ROWS
         by_component = marched.spread(0.0 if atol is None else system.frame.doubled(atol))
         by_size = OF_SIZE * rtol if atol is None else 0.0
@@ -405,6 +407,7 @@ class AdaptiveStepper(ResumableStepper, TangentStepper, JumpingStepper):
         if n_rows == 0:
             return None
         if self._at_singular_start:
+            self._settle()
             if not self._graded:
                 return self._singular_step(t_stop)
             self._begin_graded(t_stop)
@@ -518,6 +521,13 @@ class AdaptiveStepper(ResumableStepper, TangentStepper, JumpingStepper):
         self._orders.clear()
         self._ending, self._error = None, None
 
+    def _settle(self):
+        """Give components without memory the values that their algebraic rows ask for."""
+        if self.t > 0 and self.system.algebraic.any():
+            x, d = self._view.seen(self._orbit.x[0]), self.system.n_solved
+            found = settled(self.system, self.system.beside(self.t, 1), x)
+            self._orbit.shift(self._view.widened(found[:d] - x[:d]))
+
     def _singular_step(self, t_stop):
         """Make the step of a singular start; return its dense output, or None and set `_ending`."""
         orbit, form, t, left = self._orbit, self._form, self.t, t_stop - self.t
@@ -620,7 +630,7 @@ class AdaptiveStepper(ResumableStepper, TangentStepper, JumpingStepper):
     def _prefit_kernels(self, t_end):
         """Fit kernels known by their values, for steps as short as are to be expected."""
         closest = _CLOSE * t_end
-        if self._form.implicit.any() and not self._form.varying:
+        if self._form.solves_slopes and not self._form.varying:
             first = self._form.graded_first_step(0.0, t_end, self._allowed.least)
             closest = self._closest(first)
         errors = self._orbit.prefit_kernels(closest, self._farthest, self._known, self.modes_tol)
@@ -763,7 +773,7 @@ class AdaptiveStepper(ResumableStepper, TangentStepper, JumpingStepper):
         """Make few steps at once, for f, and y if `of_y`, is going to jump; refuse if it cannot."""
         self._rows = _FEW_ROWS
         kinds, moving = "a change of y" if of_y else "a switch", "events, changes and switches"
-        if self._form.implicit.any():
+        if self._form.solves_slopes:
             required = "change or switch nothing where a component's highest order varies or is a "
             refuse(moving, required + "kernel's", kinds)
         if of_y and any(operator.from_zero for operator, _ in self.system.left):
@@ -774,11 +784,13 @@ class AdaptiveStepper(ResumableStepper, TangentStepper, JumpingStepper):
         """Let y jump to these values, (d,), here; the jump does not enter the memory."""
         self._orbit.shift(self._view.widened(y - self.y))
         self._at_singular_start = True
+        self._settle()
 
     def set_parameter(self, number, value):
         """Set a parameter of the right-hand side, which jumps."""
         self._marched.compiled_params[number] = value
         self._at_singular_start = True
+        self._settle()
 
     def identity(self, t):
         """Describe the traits that a run to time t shares with one that resumes it."""

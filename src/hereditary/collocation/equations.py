@@ -26,7 +26,7 @@ from ..equation.system import System
 from ..equation.terms import Operator, SystemTerm
 from ..support.checks import refuse
 from .operators import FORCE, ITSELF, POSITION, PRIMARY, SLOPE
-from .structures import TERM
+from .structures import ALGEBRAIC, TERM
 
 # Smallest order of integration: lesser powers of two step lengths are equal in double precision.
 _LEAST = 5e-10
@@ -55,7 +55,8 @@ class Form:
     generators : tuple of float
         Numbers whose sums are the exponents of t in f, p and y near 0.
     implicit : ndarray of int64, shape (d,)
-        1 where p is found from the balance of right-hand side and terms; row c is then empty.
+        1 where p is found from the balance of right-hand side and terms, 2 where there are no terms
+        (`ALGEBRAIC`); row c is then empty.
     kernels : tuple of MemoryKernel
         General kernels; their indices follow those of the orders.
     varying : tuple of VaryingOrder
@@ -101,7 +102,13 @@ class Form:
         their component instead of on its unknown.
         """
         d = self.second.size
-        return d if self.terms["row"].max() < d else 2 * d
+        subtracted = bool((self.terms["row"] >= d).any()) or bool(self.algebraic.any())
+        return 2 * d if subtracted else d
+
+    @property
+    def algebraic(self) -> np.ndarray:
+        """Whether each component has no term: its row is 0 = f, (d,)."""
+        return self.implicit == ALGEBRAIC
 
     @cached_property
     def kinds(self) -> np.ndarray:
@@ -131,7 +138,13 @@ class Form:
     @property
     def begins_graded(self) -> bool:
         """Whether a run begins with tiny ordinary steps, for no variable resolves its start."""
-        return bool(self.implicit.any() or self.varying)
+        return bool(self.varying) or self.solves_slopes
+
+    @property
+    def solves_slopes(self) -> bool:
+        """Whether a p' is found from the balance of right-hand side and terms."""
+        d, slopes = self.second.size, self.terms["integrand"] == SLOPE
+        return bool(self.implicit[self.terms["row"][slopes] % d].any())
 
     def start_exponent(self, t: float = 0.0) -> float:
         """Return the smallest exponent of the time since t in p after a start at t."""
@@ -140,6 +153,8 @@ class Form:
             integrand = SLOPE if self.implicit[c] else FORCE
             own = (self.terms["row"] % d == c) & (self.terms["integrand"] == integrand)
             places = self.terms["index"][own].tolist()
+            if not places:  # p follows from the others
+                continue
             powers = [self._start_power(k, integrand, t) for k in places]
             found.append(max(powers) if self.implicit[c] else min(powers))
             if t == 0 and any(component == c for _, component in self.from_zero):
@@ -214,7 +229,9 @@ def _form_of(system):
     """Work out the integral equations of a system."""
     highest = system.highest_orders()
     leading, second = system.coefficient(highest), highest > 1
-    implicit = np.array([_is_implicit(system, c, highest[c]) for c in range(system.d)], np.int64)
+    balanced = [_is_implicit(system, c, highest[c]) for c in range(system.d)]
+    bare = [not any(own[c] for _, own in system.left) for c in range(system.d)]
+    implicit = np.where(bare, ALGEBRAIC, balanced).astype(np.int64)
     rows: list[_Row] = []
     for c in range(system.d):
         if implicit[c]:

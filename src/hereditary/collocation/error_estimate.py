@@ -9,6 +9,7 @@ from ..compiled.jit import F8, IVEC, VEC, entry, inner
 from ..compiled.linalg import clear
 from .newton import forces, nodal_slopes, residuals, solve_newton
 from .operators import FORCE, POSITION, PRIMARY, SLOPE, subtract_from_forces
+from .structures import ALGEBRAIC
 
 # Relative tolerance of tangents is at least this: those that have decayed consist of rounding
 # errors, which grow when tangents are normalised.
@@ -106,7 +107,8 @@ def solve_for_error(m):
     """Solve for the error that a defect at all nodes, (d s,), causes; both are in the room.
 
     In units of Newton's goal, the largest error is at most the largest defect: a nearly singular
-    matrix would amplify rounding errors.
+    matrix would amplify rounding errors. That says nothing of algebraic rows, whose defects are
+    those of f.
     """
     solve_newton(m)
     defect, nodal_errors = m.room.residual, m.room.change
@@ -114,6 +116,9 @@ def solve_for_error(m):
     s = defect.shape[0] // goal.shape[0]
     for c in range(goal.shape[0]):
         unit = max(goal[c], LEAST)
+        if m.equations.implicit[c] == ALGEBRAIC:
+            of_defect = np.inf if largest_of(defect, c * s, s) > 0.0 else of_defect
+            continue
         of_defect = max(of_defect, largest_of(defect, c * s, s) / unit)
         of_error = max(of_error, largest_of(nodal_errors, c * s, s) / unit)
     for i in range(defect.shape[0] if of_defect < of_error else 0):

@@ -64,6 +64,7 @@ class Collocation(Scheme):
     whole: ClassVar[bool] = True
     takes_kernels: ClassVar[bool] = True
     takes_varying: ClassVar[bool] = True
+    takes_algebraic: ClassVar[bool] = True
 
     def __post_init__(self) -> None:
         if not 2 <= count("nodes", self.nodes) <= 12:

@@ -15,7 +15,7 @@ from ..compiled.linalg import clear_matrix, dot, factorise, put, put_cube, put_m
 from ..compiled.signatures import FACTORISE, SUBSTITUTE
 from .operators import FORCE, POSITION, PRIMARY
 from .stages import stage_matrix, substitute_scaled
-from .structures import KEPT, LENGTH, REDUCED
+from .structures import ALGEBRAIC, KEPT, LENGTH, REDUCED
 
 # Most Newton iterations of a step, which is then rejected.
 _SWEEPS = 12
@@ -151,7 +151,11 @@ def solve_stages(m, h):
             control[LENGTH] = 0.0
             if not factorise_newton(m, h, p, jacobians):
                 control[KEPT] = 0.0  # it may hold what is no number
-                return False
+                if sweep > 0 or not iterate_once(m, p, x, f):
+                    return False
+                positions(m, h, p, x_start, x)
+                jacobians = stages.jacobians
+                continue
             control[LENGTH], previous = h, np.inf
         if previous == np.inf:  # of y as it is guessed: a stiff solution falls far below its start
             for c in range(room.starts.shape[0]):
@@ -179,6 +183,21 @@ def solve_stages(m, h):
         previous = size
     control[KEPT] = 0.0
     return False
+
+
+@inner
+def iterate_once(m, p, x, f):
+    """Set p to what its equations give for the first guess; return whether rows are algebraic.
+
+    Algebraic rows may not depend on their unknowns where all memory is still 0.
+    """
+    implicit, residual, s, found = m.equations.implicit, m.room.residual, p.shape[1], False
+    residuals(m, m.room.base[0], p, x, f)
+    for c in range(p.shape[0]):
+        found = found or implicit[c] == ALGEBRAIC
+        for i in range(s if implicit[c] == 0 else 0):
+            p[c, i] -= residual[c * s + i]
+    return found
 
 
 @inner
@@ -264,6 +283,10 @@ def residuals(m, base, p, x, f):
     of_force_alone = m.operators.alone
     for c in range(d):
         kind, first = kinds[c], c * s
+        if m.equations.implicit[c] == ALGEBRAIC:  # p, with its factor of 0, would hide a small f
+            for i in range(s):
+                out[first + i] = -f[c, i]
+            continue
         own, alone = columns[kind], of_force_alone[kind] == 1
         for i in range(s):
             out[first + i] = p[c, i] - base[c, i]

@@ -65,7 +65,7 @@ def assemble_operators(h, equations, rule, local, operators):
                 for column in range(offsets.shape[0]):
                     constant[column, c, i] -= weight * offsets[column, n]
     for kind in range(n_kinds):
-        if implicit[first_of_kind(kinds, kind)] == 1:
+        if implicit[first_of_kind(kinds, kind)] != 0:
             set_implicit_row(n_kinds, kind, matrices)
     eliminate_operators(n_kinds, matrices)
     set_columns(operators)

@@ -66,7 +66,7 @@ class OrbitAndTangents:
         self.p = self.initial.copy()
         constants = np.array([0 * self.initial, self.initial, y0[:, 0]])
         self.offsets = self._last_offsets = self._of_terms(constants)
-        self.initial[:, form.implicit == 1] = 0.0
+        self.initial[:, form.implicit != 0] = 0.0
         self._n_rows = form.n_rows + d * form.unweighted.size
         self.modes = self.before = np.zeros((n_columns, self._n_rows, 0))
         self.last = np.zeros((n_columns, form.n_integrands, d, n_nodes))
@@ -198,7 +198,7 @@ class OrbitAndTangents:
         constants = np.array([0 * change, of_p, change])[:, None]
         self.x[0] += change
         self.p[0] += of_p
-        self.initial[0] += of_p
+        self.initial[0] += np.where(self._form.implicit == 0, of_p, 0.0)
         self.offsets = self.offsets.copy()
         self.offsets[0] += self._of_terms(constants)[0]
 

@@ -8,18 +8,26 @@ With leading order alpha, ``c D^alpha y + sum_l c_l D^(gamma_l) y = f(t, y, m)``
 
 Here m(0) = 0, since y solves the equation. The lower terms of the left side become such components
 as well, so that F is ``(f - sum_l c_l m_l) / c``.
+
+A general kernel's memory m is found from the balance of m and the convolution. A component without
+a derivative has the algebraic row 0 = f. Where f reads its derivatives, the highest one of these
+is a component that this row determines.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any, NamedTuple
 
 import numpy as np
+from scipy.special import rgamma
 
 from ..equation.affine import affine
 from ..equation.chain import left_of
 from ..equation.frame import Frame
 from ..equation.system import System
+from ..equation.terms import ConstantOrder, KernelOperator
+from ..kernels.named_kernels import GammaDensity, TemperedPowerLaw
 from ..stepping.dense import Piece
 from ..support.checks import refuse
 
@@ -54,13 +62,17 @@ class Plain:
         """Return a change of y, (d,), as one of all components of the system."""
         return change
 
+    def seen(self, x):
+        """Return what f reads of components x (n,) of the system."""
+        return x
+
 
 class Reading(Plain):
     """View of a stepper that solves an equation whose right-hand side reads memory."""
 
     def __init__(self, system):
-        self.system, self._speeds = reduced(system)
-        self.second, self._d = system.second, system.n_solved
+        self.system, self.second, self._speeds, self._read, self._copies = reduced(system)
+        self._d, self._n_read = system.n_solved, system.d
 
     def directions(self, directions):
         """Return directions of initial data of the system, shape (n_data, k)."""
@@ -82,7 +94,17 @@ class Reading(Plain):
 
     def widened(self, change):
         """Return a change of y, (d,), as one of all components of the system."""
-        return np.pad(change, (0, self.system.d - self._d))
+        found = np.pad(change, (0, self.system.d - self._d))
+        for copy, source in self._copies:
+            found[copy] = found[source]
+        return found
+
+    def seen(self, x):
+        """Return what f reads, y and memory, of components x (n,) of the system."""
+        found = np.zeros(self._n_read)
+        for row, place, factor in self._read:
+            found[row] += factor * x[place]
+        return found
 
 
 @dataclass(frozen=True, eq=False)
@@ -112,77 +134,202 @@ class ReadingPiece(Piece):
         return np.where(second, self.inner.evaluate(t, none, 0)[:, self.speeds], found)
 
 
+class Reduced(NamedTuple):
+    """A system without memory that the right-hand side reads, and what its components are.
+
+    - second, speeds (d,): whether y' is an unknown, and which component it is.
+    - read: entries (row, component, factor) of the matrix from its components to what f reads.
+    - copies: pairs of a component and the one that it equals.
+    """
+
+    system: System
+    second: np.ndarray
+    speeds: np.ndarray
+    read: list[tuple[int, int, float]]
+    copies: list[tuple[int, int]]
+
+
 def reduced(system):
-    """Return the system without memory, and the component that is y' of each, (d,)."""
+    """Return the system without memory, as `Reduced`."""
     for operator, _ in system.left:
-        if operator.from_zero:
-            required = "hold no RiemannLiouville with Collocation, where memory is read"
-            refuse("terms", required, f"{operator}", "take BDF or L1")
-    for operator, _ in system.left:
-        if not operator.constant:
-            required = (
-                "be Caputo operators of constant order with Collocation, where memory is read"
-            )
-            refuse("terms", required, f"{operator}", "take ExplicitCaputo or L1")
-    d, leading = system.n_solved, system.highest_orders()
-    before = system.coefficient(leading)
-    second = np.flatnonzero(system.second).tolist()
-    speeds = np.zeros(d, dtype=np.int64)
-    speeds[second] = d + np.arange(len(second))
-    # of each component the initial value, the order, and what its derivative is: F_j, as -1 - j, or
-    # another component
-    origins = np.where(system.second, speeds, -1 - np.arange(d)).tolist()
-    made = list(zip(system.y0[0, :d], np.minimum(leading[:d], 1.0).tolist(), origins, strict=True))
-    made += [(system.y0[1, j], leading[j] - 1, -1 - j) for j in second]
-    roles = [(j, 0.0) for j in range(d)] + [(j, 1.0) for j in second]
-    places = {(j, 1.0): int(speeds[j]) for j in second}
+        if operator.from_zero or operator.varies:
+            required = "hold Caputo operators of constant order and kernels with Collocation, where"
+            refuse("terms", f"{required} memory is read", f"{operator}", "take L1")
+    return _Reduction(system).result()
 
-    def place(j, gamma):
-        """Return the component that is D^gamma y_j."""
-        if gamma == 1.0 and leading[j] > 1:
-            return int(speeds[j])
-        if (j, gamma) not in places:
-            places[j, gamma] = len(made)
-            slow = leading[j] > 1 and gamma < 1
-            order = 1 - gamma if slow else leading[j] - gamma
-            made.append((0.0, order, int(speeds[j]) if slow else -1 - j))
-            roles.append((j, gamma))
-        return places[j, gamma]
 
-    # what f reads, and the lower terms of each F_j
-    read: list[tuple] = [(j, j, 1.0) for j in range(d)]
-    lower: list[list[tuple]] = [[] for _ in range(d)]
-    for operator, coefficients in system.left:
-        for c in np.flatnonzero(coefficients).tolist():
-            j = int(system.sources[c])
-            if c != j:
-                read.append((c, place(j, operator.order), coefficients[c]))
-            elif operator.order < leading[j]:
-                lower[j].append((place(j, operator.order), coefficients[c]))
-    n, lead, own, forces = len(made), np.ones(len(made)), [], []
-    for i, (_, _, origin) in enumerate(made):
-        if origin < 0:
-            j = -1 - origin
-            lead[i] = before[j]
-            forces.append((i, j, 1.0))
-            own += [(i, k, -c) for k, c in lower[j]]
+class _Reduction:
+    """The components that take the place of memory.
+
+    A component without a term has an algebraic row. `forces` holds pairs (row, j): such a row has
+    F_j on its right side. `own` holds what rows have besides, (row, component, factor).
+    """
+
+    def __init__(self, system):
+        self._system, d = system, system.n_solved
+        self._bare = system.algebraic
+        self._leading = _leading_orders(system)
+        before = system.coefficient(system.highest_orders())[:d]
+        self._before = np.where(self._bare, 1.0, before)
+        self._starts: list[float] = []
+        self._roles: list[tuple[int, float]] = []
+        self._terms: list[tuple[Any, int, float]] = []
+        self._own: list[tuple[int, int, float]] = []
+        self._forces: list[tuple[int, int]] = []
+        self._copies: list[tuple[int, int]] = []
+        self._places: dict[tuple[int, Any], int] = {}
+        for j, start in enumerate(system.y0[0, :d].tolist()):
+            self._add(start, j, 0.0)
+        second = np.flatnonzero(self._leading > 1).tolist()
+        self._speeds = np.zeros(d, dtype=np.int64)
+        self._speeds[second] = d + np.arange(len(second))
+        for j in second:
+            self._places[j, 1.0] = self._add(float(system.y0[1, j]), j, 1.0)
+        # the row of F_j, where it is algebraic
+        self._rows = dict.fromkeys(np.flatnonzero(self._bare).tolist(), -1)
+        for j in self._rows:
+            self._rows[j] = j
+            if self._leading[j] > 0:
+                self._rows[j] = self._places[j, self._leading[j]] = self._add(
+                    0.0, j, self._leading[j]
+                )
+        for j, order in enumerate(self._leading.tolist()):
+            if order > 1:
+                self._derive(j, 1.0, int(self._speeds[j]), j)
+                self._derive(int(self._speeds[j]), order - 1, None, j)
+            elif order > 0:
+                self._derive(j, order, None, j)
+
+    def _add(self, start, j, order):
+        """Add a component that begins at `start`: a derivative of y_j; return its number."""
+        self._starts.append(start)
+        self._roles.append((j, order))
+        return len(self._starts) - 1
+
+    def _derive(self, place, order, origin, j):
+        """Let the derivative of a component be another one; without that, D^alpha y_j."""
+        coefficient = 1.0
+        if origin is None and self._bare[j]:
+            origin = self._places[j, self._leading[j]]
+        if origin is None:
+            coefficient = float(self._before[j])
+            self._forces.append((place, j))
         else:
-            own.append((i, origin, 1.0))
-    left = left_of([(order, i, lead[i]) for i, (_, order, _) in enumerate(made)], n)
-    how = system.compiled_params, system.compiled_rhs, system.compiled_jac
-    quantities = [(system.quantities[j], gamma) for j, gamma in roles]
-    numbers = {quantity: number for number, quantity in enumerate(sorted(set(quantities)))}
-    params, rhs, jac = affine(how, n, system.d, own, forces, read)
-    found = System(
-        left,
-        np.array([[value for value, _, _ in made]]),
-        params,
-        rhs,
-        jac,
-        quantities=np.array([numbers[quantity] for quantity in quantities]),
-        of_y=system.of_y[[j for j, _ in roles]],
-        frame=Frame(system.frame.start),
-        rhs_digest=system.rhs_digest,
-        callbacks=system.callbacks,
-    )
-    return found, speeds
+            self._own.append((place, origin, 1.0))
+        self._terms.append((ConstantOrder(float(order)), place, coefficient))
+
+    def _place(self, j, operator):
+        """Return the component that is the term of an operator, with factor 1, on y_j."""
+        if not operator.constant:
+            return self._convolution(j, operator)
+        gamma, leading = operator.order, self._leading[j]
+        if (j, gamma) not in self._places:
+            place = self._places[j, gamma] = self._add(0.0, j, gamma)
+            if leading > 1 and gamma < 1:
+                self._derive(place, 1 - gamma, int(self._speeds[j]), j)
+            else:
+                self._derive(place, leading - gamma, None, j)
+        return self._places[j, gamma]
+
+    def _convolution(self, j, operator):
+        """Return the component m that is the convolution of a kernel with w = y_j, or w = y_j'.
+
+        The balance of m and the convolution is the row of w. The row of m is algebraic, w = y_j. If
+        y_j has an algebraic row itself, w is y_j, and its row becomes that of m.
+        """
+        if (j, operator) in self._places:
+            return self._places[j, operator]
+        if in_stages(operator):
+            place = self._places[j, operator] = self._delayed(j, operator.kernel)
+            return place
+        place = self._places[j, operator] = self._add(0.0, j, -1.0 - len(self._starts))
+        if self._rows.get(j) == j and operator.derivative < 2:
+            self._rows[j] = place
+            carrier = j
+        else:
+            source = int(self._speeds[j]) if operator.derivative == 2 else j
+            carrier = self._add(self._starts[source], *self._roles[source])
+            self._own += [(place, source, 1.0), (place, carrier, -1.0)]
+            self._copies.append((carrier, source))
+            operator = KernelOperator(operator.kernel, min(operator.derivative, 1))
+        self._terms.append((operator, carrier, 1.0))
+        self._own.append((carrier, place, 1.0))
+        return place
+
+    def _delayed(self, j, kernel):
+        """Return the component m that is the convolution of a gamma density with y_j.
+
+        The density of shape n + b is that of shape b, a tempered power law, and then n exponential
+        ones. Each of these is an equation x' = rate (before - x).
+        """
+        n, rest = kernel.stages
+        before, factor = j, 1.0
+        if rest > 0:
+            tempered = KernelOperator(TemperedPowerLaw(1 - rest, kernel.rate), 0)
+            before, factor = self._place(j, tempered), kernel.rate**rest * rgamma(rest)
+        for _ in range(n):
+            place = self._add(0.0, j, -1.0 - len(self._starts))
+            self._terms.append((ConstantOrder(1.0), place, 1.0))
+            self._own += [(place, before, kernel.rate * factor), (place, place, -kernel.rate)]
+            before, factor = place, 1.0
+        return before
+
+    def result(self):
+        """Return the `Reduced`."""
+        system, d = self._system, self._system.n_solved
+        read = [(j, j, 1.0) for j in range(d)]
+        lower: list[list[tuple[int, float]]] = [[] for _ in range(d)]
+        for operator, coefficients in system.left:
+            for c in np.flatnonzero(coefficients).tolist():
+                j, factor = int(system.sources[c]), float(coefficients[c])
+                if c != j:
+                    read.append((c, self._place(j, operator), factor))
+                elif operator.order < self._leading[j] or not operator.constant:
+                    lower[j].append((self._place(j, operator), factor))
+        forces = [*self._forces, *((row, j) for j, row in self._rows.items())]
+        own = [*self._own, *((i, k, -c) for i, j in forces for k, c in lower[j])]
+        n, how = len(self._starts), (system.compiled_params, system.compiled_rhs)
+        triples = [(i, j, 1.0) for i, j in forces]
+        made = affine((*how, system.compiled_jac), n, system.d, own, triples, read)
+        roles = [(system.quantities[j], order) for j, order in self._roles]
+        numbers = {role: number for number, role in enumerate(sorted(set(roles)))}
+        params, rhs, jac = made
+        found = System(
+            left_of(self._terms, n),
+            np.array([self._starts]),
+            params,
+            rhs,
+            jac,
+            quantities=np.array([numbers[role] for role in roles]),
+            of_y=system.of_y[[j for j, _ in self._roles]],
+            frame=Frame(system.frame.start),
+            rhs_digest=system.rhs_digest,
+            callbacks=system.callbacks,
+        )
+        return Reduced(found, self._leading > 1, self._speeds, read, self._copies)
+
+
+def is_read(system):
+    """Return whether a system has memory that becomes components."""
+    return bool(system.read.any()) or any(in_stages(operator) for operator, _ in system.left)
+
+
+def in_stages(operator):
+    """Return whether an operator convolves y with a gamma density of shape 1 or more."""
+    kernel = operator.kernel
+    return isinstance(kernel, GammaDensity) and kernel.shape >= 1 and operator.derivative == 0
+
+
+def _leading_orders(system):
+    """Return the highest order of each component, (d,).
+
+    That of a component with an algebraic row is the highest that f reads: its derivative of this
+    order is found from the row.
+    """
+    d, bare = system.n_solved, system.algebraic
+    found = system.highest_orders()[:d].copy()
+    for operator, coefficients in system.left:
+        for c in np.flatnonzero(coefficients[d:]) + d if operator.constant else ():
+            j = system.sources[c]
+            found[j] = max(found[j], operator.order) if bare[j] else found[j]
+    return found

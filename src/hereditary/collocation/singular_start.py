@@ -70,8 +70,9 @@ def _decay_rates(jacobian):
 
 def _order(form):
     """Return the smallest order by which f is integrated; tiny ones are no measure of lengths."""
-    forces = form.terms["index"][form.terms["integrand"] == FORCE]
-    return max(float((form.orders[forces] + form.second).min()), 0.1)
+    forces = form.terms[form.terms["integrand"] == FORCE]
+    orders = form.orders[forces["index"]] + form.second[forces["row"]]
+    return max(float(orders.min(initial=1.0)), 0.1)
 
 
 def _rate(system, form, orbit, jacobian, just_after):

@@ -406,7 +406,10 @@ def stage_matrix(stage, h, jacobians, at_nodes, out):
                     for k in range(s):
                         total += (force[k] * at_nodes[k] + own * place[k]) * integral[k, j]
                     row[j] = -h * total - own * primary[j]
-                row[i] += own
+                if second[kinds[e]] == 1:
+                    row[i] += own
+                elif c == e:  # exactly 0 without J in an algebraic row
+                    row[i] = (1.0 - (place[i] + primary[i])) - force[i] * at_nodes[i]
 
 
 @inner

@@ -56,6 +56,9 @@ Tabulated: TypeAlias = Annotated[np.void, from_dtype(TABULATED)]
 IntegerMatrix: TypeAlias = Annotated[np.ndarray, types.Array(I8, 2, "C")]
 Records: TypeAlias = Annotated[np.ndarray, types.Array(from_dtype(TERM), 1, "C")]
 
+# Mark of a component whose row is 0 = f, among those whose p follows from a balance.
+ALGEBRAIC = 2
+
 
 class Equations(NamedTuple):
     """Integral equations of all components (collocation/equations.py).
@@ -63,7 +66,8 @@ class Equations(NamedTuple):
     - terms (n,): of `TERM`; orders (n_a,): of the fractional integrals.
     - second (d,): 1 if the primary unknown is y'.
     - offsets (1 + k, n): constants subtracted from the integrands.
-    - implicit (d,): 1 if p follows from the balance of right-hand side and terms.
+    - implicit (d,): 1 if p follows from the balance of right-hand side and terms, `ALGEBRAIC` if
+      there are no terms.
     - unweighted: integrands of terms with varying orders, whose modes are stored without weights.
     - kinds (d,): number of each component's kind; components of one kind have the same terms.
     - units (d,): for differences of f.

@@ -15,7 +15,6 @@ component are on the left side; other ones are memory that the right-hand side r
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterable, Sequence
 from typing import Any, NamedTuple
 
@@ -25,60 +24,68 @@ from ..support.checks import refuse, shown
 from .affine import affine
 from .orders import merged_orders
 from .system import System, leading_orders
-from .terms import ConstantOrder, SystemTerm
+from .terms import ConstantOrder, KernelOperator, Operator, SystemTerm
 
 # Largest condition number of the matrix in front of the highest derivatives that is not refused.
 _SINGULAR = 1e12
 
 
 class Entry(NamedTuple):
-    """Term ``coefficient D^order y_column`` of one equation, `row`."""
+    """Term of one equation, `row`: a coefficient times an operator on y_column."""
 
-    order: float
+    operator: Operator
     row: int
     column: int
     coefficient: float
 
 
 def _summed(left: Iterable[SystemTerm]) -> list[SystemTerm]:
-    """Add up the terms of equal order."""
-    sums: dict[float, SystemTerm] = {}
+    """Add up the terms of equal operators."""
+    sums: dict[Any, SystemTerm] = {}
     for operator, c in left:
-        known = sums.get(operator.order)
-        sums[operator.order] = SystemTerm(operator, c if known is None else known.coefficients + c)
+        known = sums.get(operator)
+        sums[operator] = SystemTerm(operator, c if known is None else known.coefficients + c)
     return [term for term in sums.values() if np.any(term.coefficients)]
 
 
 def _solved(left: Sequence[SystemTerm], d: int) -> tuple[list[Entry], np.ndarray | None]:
     """Return the terms solved for the highest derivatives, and the matrix in front of f or None."""
+    where = "beside orders above 2 and coefficients that are matrices"
     for operator, _ in left:
-        if not operator.constant or operator.from_zero:
-            required = (
-                "be Caputo operators of constant order beside orders above 2 and coefficients that "
-                "are matrices"
-            )
+        if operator.varies or operator.from_zero:
+            required = f"be Caputo operators of constant order, or kernels, {where}"
             refuse("terms", required, f"{operator}")
-    before = leading_orders(left, d)
+    before = _highest_of_caputo(left, d)
     left = _summed(left)
-    if not len(left) or np.any(np.ceil(leading_orders(left, d)) < np.ceil(before)):
+    highest = _highest_of_caputo(left, d)
+    if not len(left) or np.any(np.ceil(highest) < np.ceil(before)):
         refuse("terms", "leave a nonzero coefficient before the highest order", "terms that cancel")
+    if np.any(leading_orders(left, d) > highest):
+        required = f"have a Caputo operator of the highest order in each component {where}"
+        refuse("terms", required, " and ".join(f"{operator}" for operator, _ in left))
     if left[0].coefficients.ndim == 1:
-        pairs = [(o.order, j, c[j]) for o, c in left for j in np.flatnonzero(c).tolist()]
-        return [Entry(order, j, j, float(c)) for order, j, c in pairs], None
-    highest = leading_orders(left, d)
-    at_top = [(matrix, operator.order == highest) for operator, matrix in left]
+        pairs = [(o, j, c[j]) for o, c in left for j in np.flatnonzero(c).tolist()]
+        return [Entry(operator, j, j, float(c)) for operator, j, c in pairs], None
+    at_top = [
+        (matrix, operator.constant & (operator.order == highest)) for operator, matrix in left
+    ]
     leading = sum(np.where(top, matrix, 0.0) for matrix, top in at_top)
     if np.linalg.cond(leading) > _SINGULAR:
         required = "have an invertible matrix in front of the highest derivatives"
         refuse("terms", required, shown(leading))
     inverse = np.linalg.inv(leading)
-    entries = [Entry(float(highest[j]), j, j, 1.0) for j in range(d)]
+    entries = [Entry(ConstantOrder(float(highest[j])), j, j, 1.0) for j in range(d)]
     for (operator, matrix), (_, top) in zip(left, at_top, strict=True):
         below = inverse @ np.where(top, 0.0, matrix)
         entries += [
-            Entry(operator.order, j, k, float(below[j, k])) for j, k in np.argwhere(below).tolist()
+            Entry(operator, j, k, float(below[j, k])) for j, k in np.argwhere(below).tolist()
         ]
     return entries, inverse
+
+
+def _highest_of_caputo(left: Iterable[SystemTerm], d: int) -> np.ndarray:
+    """Return the highest order of Caputo's operators of each of d components, 0 for none."""
+    return leading_orders([term for term in left if term.operator.constant], d)
 
 
 class Chained(NamedTuple):
@@ -106,6 +113,8 @@ def chained(
         Those of a `System`.
     """
     d, above = y0.shape[1], len(y0) > 2
+    if not above and np.any([c.any(axis=1) for _, c in left], axis=0).sum() < d:
+        return _with_algebraic_rows(_summed(left), y0, params, rhs, jac)
     entries, inverse = _solved(left, d)
     lengths = np.ceil(leading_orders(left, d)).astype(int).tolist() if above else [1] * d
     # (j, k) is the k-th derivative of y_j: y comes first, then y', and so on
@@ -113,19 +122,20 @@ def chained(
     places = {pair: place for place, pair in enumerate(pairs)}
     last = [places[j, length - 1] for j, length in enumerate(lengths)]
     links = [(places[j, k - 1], places[j, k], 1.0) for j, k in pairs if k > 0]
-    own: list[tuple[float, int, float]] = []
-    lower, memory = list(links), dict[tuple[float, int], int]()
-    for order, row, column, c in entries:
-        k = min(math.ceil(order), lengths[column]) - 1
+    own: list[tuple[Any, int, float]] = []
+    lower, memory = list(links), dict[tuple[Any, int], int]()
+    for operator, row, column, c in entries:
+        k = max(min(operator.derivative, lengths[column]) - 1, 0)
+        of_last = _of_derivative(operator, k)
         if row == column and places[column, k] == last[column]:
-            own.append((order - k, last[column], c))
+            own.append((of_last, last[column], c))
             continue
-        place = places.get((column, k + 1)) if order == k + 1 else None
+        place = places.get((column, k + 1)) if of_last == ConstantOrder(1.0) else None
         if place is None:
-            key = order - k, places[column, k]
+            key = of_last, places[column, k]
             place = memory.setdefault(key, len(places) + len(memory))
         lower.append((last[row], place, -c))
-    own += [(1.0, place, 1.0) for place, _, _ in links]
+    own += [(ConstantOrder(1.0), place, 1.0) for place, _, _ in links]
     before = [(last[j], j, 1.0) for j in range(d)]
     if inverse is not None:
         before = [(last[i], j, float(inverse[i, j])) for i, j in np.argwhere(inverse).tolist()]
@@ -134,7 +144,7 @@ def chained(
     start = np.array([[y0[k, j] for j, k in pairs]]) if above else y0
     speeds = np.array([places.get((j, 1), -1) for j in range(d)] if above else [], dtype=np.int64)
     of_y, quantities = np.array(pairs, dtype=np.int64).T.copy()
-    found = [*own, *((order, place, 1.0) for (order, _), place in memory.items())]
+    found = [*own, *((operator, place, 1.0) for (operator, _), place in memory.items())]
     sources = np.append(np.arange(len(pairs)), [s for _, s in memory]).astype(np.int64)
     how = {"of_y": of_y[sources], "quantities": quantities[sources]}
     left = left_of(found, size)
@@ -142,10 +152,54 @@ def chained(
     return Chained(system, speeds)
 
 
-def left_of(found: Iterable[tuple[float, int, float]], width: int) -> list[SystemTerm]:
-    """List the terms of a system, given as (order, component, coefficient)."""
-    sums: dict[float, np.ndarray] = {}
-    orders = merged_orders(np.array([order for order, _, _ in found]))
-    for order, (_, place, c) in zip(orders.tolist(), found, strict=True):
-        sums.setdefault(order, np.zeros(width))[place] += c
-    return [SystemTerm(ConstantOrder(order), c) for order, c in sums.items()]
+def _with_algebraic_rows(
+    left: Sequence[SystemTerm], y0: np.ndarray, params: np.ndarray, rhs: Any, jac: Any
+) -> Chained:
+    """Return the system of ``C D^alpha y = f``, where rows of C are 0, as `Chained`.
+
+    The components are y and, for each other row of C, that row times y. Their derivatives are rows
+    of f. Of y all rows are algebraic: the others of f, and what the further components are.
+    """
+    d = y0.shape[1]
+    rows = np.flatnonzero(left[0].coefficients.any(axis=1)).tolist() if left else []
+    matrix = left[0].coefficients[rows] if left else np.zeros((0, d))
+    order = left[0].operator.order if len(left) == 1 and left[0].operator.constant else np.inf
+    if order > 1 or left[0].operator.from_zero:
+        required = "be one Caputo operator of order up to 1, where rows of its matrix are 0"
+        refuse("terms", required, " and ".join(f"{operator}" for operator, _ in left))
+    if np.linalg.matrix_rank(matrix, 1 / _SINGULAR * np.abs(matrix).max()) < len(rows):
+        required = "have independent rows besides those of zeros in front of the derivatives"
+        refuse("terms", required, shown(left[0].coefficients), "combine dependent rows to zeros")
+    size = d + len(rows)
+    more, parts = range(d, size), matrix.tolist()
+    own = [(i, j, -c) for i, part in zip(rows, parts, strict=True) for j, c in enumerate(part)]
+    own += [(i, place, 1.0) for i, place in zip(rows, more, strict=True)]
+    before = [(i, i, 1.0) for i in range(d) if i not in rows]
+    before += [(place, i, 1.0) for i, place in zip(rows, more, strict=True)]
+    read = [(i, i, 1.0) for i in range(d)]
+    made = affine((params, rhs, jac), size, d, own, before, read)
+    start = np.hstack([y0[:1], y0[:1] @ matrix.T])
+    of_y = np.append(np.arange(d), np.abs(matrix).argmax(axis=1))
+    further = np.repeat([0, 1], [d, len(rows)])
+    terms = [SystemTerm(ConstantOrder(order), further.astype(float))]
+    system = System(terms, start, *made, of_y=of_y, quantities=further)
+    return Chained(system, np.full(d, -1))
+
+
+def _of_derivative(operator: Any, k: int) -> Any:
+    """Return the operator on the k-th derivative that is this one on the function."""
+    if operator.constant:
+        return ConstantOrder(operator.order - k)
+    return KernelOperator(operator.kernel, operator.derivative - k)
+
+
+def left_of(found: Sequence[tuple[Any, int, float]], width: int) -> list[SystemTerm]:
+    """List the terms of a system, given as (operator, component, coefficient)."""
+    sums: dict[Any, np.ndarray] = {}
+    constant = [operator.order for operator, _, _ in found if operator.constant]
+    orders = iter(merged_orders(np.array(constant)).tolist())
+    for operator, place, c in found:
+        if operator.constant:
+            operator = ConstantOrder(next(orders))
+        sums.setdefault(operator, np.zeros(width))[place] += c
+    return [SystemTerm(operator, c) for operator, c in sums.items()]

@@ -251,7 +251,7 @@ class Equation:
         if self._given_d is not None:
             needed = leading_orders(left, initial.shape[1]) > np.arange(len(initial))[:, None]
             initial = np.where(needed, initial, 0.0)
-        _check_leading(left, initial)
+        _check_leading(left, initial, bool(self.memory))
         if len(initial) > 2 or left[0].coefficients.ndim > 1:
             if self.memory:
                 required = "be left out with orders above 2 and with matrices as coefficients"
@@ -394,14 +394,19 @@ def _numbers(params: ArrayLike) -> np.ndarray:
     return values.reshape(-1)
 
 
-def _check_leading(left: Iterable[SystemTerm], y0: np.ndarray) -> None:
-    """Refuse components without a term, and initial values that no order needs."""
+def _check_leading(left: Iterable[SystemTerm], y0: np.ndarray, reads: bool) -> None:
+    """Refuse components with RiemannLiouville terms alone, and initial values that nothing needs.
+
+    `reads` says whether the right-hand side reads memory, whose orders count in algebraic rows.
+    """
     d = y0.shape[1]
     highest = leading_orders([term for term in left if not term.operator.from_zero], d)
-    for j in np.flatnonzero(highest == 0):
+    present = np.any([own.reshape(-1, d).any(axis=0) for _, own in left], axis=0)
+    for j in np.flatnonzero((highest == 0) & present):
         required = "leave every component at least one nonzero term other than RiemannLiouville"
         refuse("terms", required, f"none for component {j}")
     check_initial_terms(left, highest)
+    highest = np.where(present | (not reads), highest, len(y0))
     for k in range(1, len(y0)):
         for j in np.flatnonzero((highest <= k) & (y0[k] != 0)):
             got = f"y0[{k}][{j}] = {y0[k, j]}"

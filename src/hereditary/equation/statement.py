@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..support.checks import complaint, real_array, refuse, refuse_masked, shown
+from .affine import affine
 from .operators import Summand, Term
 from .orders import merged_orders
 from .system import System
@@ -148,22 +149,45 @@ def with_memory(system: System, memory: Sequence[Term]) -> System:
     # orders that differ from those of the left side by rounding are the same
     orders = merged_orders(np.vstack([np.tile(mine, (d, 1)).T.reshape(-1, d), orders]))[len(mine) :]
     left = [SystemTerm(op, np.concatenate([c, np.zeros(k * d)])) for op, c in system.left]
-    rows, highest = iter(orders), system.highest_orders()
+    rows = iter(orders)
     for number, (term, c) in enumerate(zip(memory, factors, strict=True), 1):
-        if np.any(c == 0):
-            refuse("memory", "have coefficients other than 0", repr(term))
         for operator, held in left_side([term], [c], rows, origin):
             coefficients = np.zeros((1 + k, d))
             coefficients[number] = held
             left.append(SystemTerm(operator, coefficients.ravel()))
-            _check_below(operator, float(highest[held != 0].min()))
-    sources = np.tile(np.arange(d), 1 + k)
-    of = {"quantities": system.quantities[sources], "of_y": system.of_y[sources]}
-    return replace(system, left=left, y0=np.tile(system.y0, 1 + k), sources=sources, **of)
+            _check_below(operator, held != 0, system)
+    return _without_unread(system, left, factors)
 
 
-def _check_below(operator: Operator, lowest: float) -> None:
-    """Refuse memory of an order that is not below `lowest`, the highest of its components."""
+def _without_unread(system: System, left: Sequence[SystemTerm], factors: np.ndarray) -> System:
+    """Return a system with memory of these `factors`, (k, d); where they are 0 f reads 0."""
+    k, d = factors.shape
+    kept = np.append(np.full(d, True), factors.ravel() != 0)
+    sources = np.tile(np.arange(d), 1 + k)[kept]
+    left = [SystemTerm(operator, c[kept]) for operator, c in left]
+    known: dict[str, Any] = {"quantities": system.quantities[sources], "of_y": system.of_y[sources]}
+    if not kept.all():
+        ones, places = np.ones(kept.sum()), np.flatnonzero(kept)
+        read = np.c_[places, np.arange(places.size), ones]
+        functions = system.compiled_params, system.compiled_rhs, system.compiled_jac
+        made = affine(functions, places.size, kept.size, a=read[:d], s=read)
+        known |= dict(zip(("compiled_params", "compiled_rhs", "compiled_jac"), made, strict=True))
+    y0 = np.take(system.y0, sources, axis=1)
+    return replace(system, left=left, y0=y0, sources=sources, **known)
+
+
+def _check_below(operator: Operator, read: np.ndarray, system: System) -> None:
+    """Refuse memory whose order is not below the highest of the components `read`, (d,).
+
+    Algebraic rows may read any derivative for which there are initial values.
+    """
+    bare = system.algebraic
+    if operator.derivative > system.m and np.any(read & bare) and operator.constant:
+        remedy = f"add 0 * Caputo({operator.order:g}) to the terms, and y'(0) to y0"
+        refuse("memory", "need no y'(0) that y0 lacks", f"{operator}", remedy)
+    if not np.any(read & ~bare):
+        return
+    lowest = float(system.highest_orders()[read & ~bare].min())
     order = _order_at_start(operator)  # an order that varies is checked at t = 0 only
     if operator.kernel is not None:  # K ~ t**-a near 0 acts like order m - 1 + a
         order += operator.kernel.singular_exponent - 1

@@ -204,6 +204,12 @@ class System:
         """Whether each component with an equation has an order above 1, shape (n_solved,)."""
         return self.highest_orders()[: self.n_solved] > 1
 
+    @cached_property
+    def algebraic(self) -> np.ndarray:
+        """Whether each component with an equation has no term, so that 0 = f, (n_solved,)."""
+        held = [coefficients[: self.n_solved] != 0 for _, coefficients in self.left]
+        return ~np.any(held, axis=0)
+
     def coefficient(self, alpha: float | np.ndarray) -> np.ndarray:
         """Return the coefficient of Caputo's derivative of constant order `alpha`, shape (d,).
 
@@ -268,6 +274,7 @@ class System:
         force = self.force(self.beside(t, 1), y)
         with np.errstate(divide="ignore", invalid="ignore"):
             slope = force / self.coefficient(self.highest_orders())
+        slope[: self.n_solved][self.algebraic] = 0.0
         return np.where(self.highest_orders() > 1, ydot, slope)
 
 

@@ -31,6 +31,8 @@ class Scheme(ABC):
         Whether components may have terms of their own.
     takes_kernels, takes_varying, takes_memory : bool
         Whether terms may have kernels other than Caputo's, orders that vary, and be read by f.
+    takes_algebraic : bool
+        Whether components may have no term: then their rows are 0 = f.
     takes_meshes, takes_tangents : bool
         Whether steps may differ in length, up to order `meshes_up_to`, and tangents go along.
     takes_switches : bool
@@ -46,6 +48,7 @@ class Scheme(ABC):
     takes_kernels: ClassVar[bool] = False
     takes_varying: ClassVar[bool] = False
     takes_memory: ClassVar[bool] = True
+    takes_algebraic: ClassVar[bool] = False
     takes_tangents: ClassVar[bool] = True
     takes_switches: ClassVar[bool] = True
     takes_meshes: ClassVar[bool] = False
@@ -72,6 +75,10 @@ class Scheme(ABC):
                 got = " and ".join(map(str, read))
                 refuse("terms", required, got, remedy)
             remedy = "use ExplicitCaputo or L1"
+        if system.algebraic.any() and not self.takes_algebraic:
+            required = f"leave every component at least one nonzero term with {name}"
+            got = f"none for component {np.flatnonzero(system.algebraic)[0]}"
+            refuse("terms", required, got, "solve algebraic rows with rtol=")
         for operator, _ in system.left:
             if operator.kernel is not None and not self.takes_kernels:
                 refuse("terms", f"be Caputo operators with {name}", f"{operator}", remedy)

@@ -1,0 +1,121 @@
+"""Algebraic rows 0 = f(t, y, memory): their unknowns, and consistent values of these.
+
+A row is that of a component without a derivative. Its unknown is the component itself or, if f
+reads Caputo derivatives of it, the highest of them. Rows have index 1 if they can be solved for
+their unknowns: the Jacobian with respect to these is regular.
+"""
+
+import numpy as np
+
+from ..compiled.jacobian import LEAST
+from ..support.checks import refuse
+
+# Iterations of Newton's method for consistent values.
+_SWEEPS = 50
+# Relative change of the unknowns that ends them.
+_GOAL = 1e-13
+# Rank of the Jacobian, relative to the largest entry of each row: differences err by 1e-10.
+_RANK = 1e-9
+# Relative distance from y(0) at which a singular Jacobian is evaluated again.
+_BESIDE = 0.01
+
+
+def _unknowns(system):
+    """Return the algebraic rows, and which of all that f reads are their unknowns, (k,) each."""
+    rows = np.flatnonzero(system.algebraic)
+    columns, highest = rows.copy(), np.zeros(rows.size)
+    for operator, coefficients in system.left:
+        for c in np.flatnonzero(coefficients).tolist() if operator.constant else ():
+            for i in np.flatnonzero(rows == system.sources[c]):
+                if operator.order > highest[i]:
+                    columns[i], highest[i] = c, operator.order
+    return rows, columns
+
+
+def _jacobian(system, t, x, rows):
+    """Return the rows of the Jacobian, (k, d)."""
+    found = system.derivative(t, x)
+    return (found if system.structure is None else found.toarray())[rows]
+
+
+def _solve(system, t, x, rows, columns):
+    """Return what f reads, x (d,), with unknowns that solve the rows; None without convergence."""
+    x = x.copy()
+    for _ in range(_SWEEPS):
+        with np.errstate(all="ignore"):
+            force = system.force(t, x)[rows]
+            matrix = _jacobian(system, t, x, rows)[:, columns]
+        if not (np.isfinite(force).all() and np.isfinite(matrix).all()) or not _regular(matrix):
+            return None
+        change = np.linalg.solve(matrix, force)
+        x[columns] -= change
+        if np.all(np.abs(change) <= _GOAL * np.abs(x[columns])):
+            return x
+    return None
+
+
+def _regular(matrix):
+    """Return whether a matrix is regular, whatever the units of its rows are."""
+    sizes = np.abs(matrix).max(axis=1, keepdims=True)
+    return bool(np.all(sizes > 0)) and np.linalg.matrix_rank(matrix / sizes, _RANK) == len(matrix)
+
+
+def check_start(system, rtol, atol):
+    """Refuse algebraic rows that determine no unknown, and initial values that contradict them."""
+    rows, columns = _unknowns(system)
+    if rows.size == 0:
+        return
+    x, t = system.at_start, system.beside(0.0, 1)
+    _check_index(system, t, x, rows, columns)
+    force = system.force(t, x)[rows]
+    y, d = system.y0[0], system.n_solved
+    with np.errstate(all="ignore"):
+        noise = rtol * (np.abs(_jacobian(system, t, x, rows)) @ np.abs(x))
+    if np.all(np.abs(force) <= noise + LEAST):
+        return
+    found = _solve(system, t, x, rows, columns)
+    own = rows[rows == columns]
+    if found is not None:
+        largest = np.abs(y[:d]).max()
+        allowed = rtol * np.maximum(np.abs(y), np.abs(found))[own] + _GOAL * largest + LEAST
+        allowed += 0.0 if atol is None else system.spread(system.frame.doubled(atol))[own]
+        wrong = own[np.abs(found[own] - y[own]) > allowed]
+        if wrong.size == 0:
+            return
+    else:
+        wrong = rows[np.abs(force) > noise]
+    c, pairs = int(wrong[0]), 2 if system.frame.paired else 1
+    required = f"satisfy 0 = rhs(t, y), the row of component {c // pairs}, which has no derivative"
+    got = f"a residual of {force[np.flatnonzero(rows == c)[0]]:.3g}"
+    remedy = "give consistent values"
+    if found is not None:
+        values = ", ".join(f"y0[0, {j // pairs}] = {found[j]:.15g}" for j in wrong[:3])
+        remedy = f"they are consistent with {values}"
+    refuse("y0", required, got, "" if pairs == 2 else remedy)
+
+
+def _check_index(system, t, x, rows, columns):
+    """Refuse rows that cannot be solved for their unknowns at the start, nor beside it."""
+    random = np.random.default_rng(0)
+    for distance in (0.0, _BESIDE):
+        moved = distance * (np.abs(x).max() or 1.0) * random.uniform(-1.0, 1.0, x.size)
+        with np.errstate(all="ignore"):
+            matrix = _jacobian(system, t, x + moved, rows)[:, columns]
+        if not np.isfinite(matrix).all() or _regular(matrix):
+            return
+    pairs = 2 if system.frame.paired else 1
+    names = ", ".join(str(c) for c in sorted({int(c) // pairs for c in rows}))
+    required = f"determine the components without a derivative, {names}, by their own rows"
+    got = "a singular Jacobian with respect to them (an index above 1)"
+    refuse("rhs", required, got, "differentiate these rows, and state what follows")
+
+
+def settled(system, t, x):
+    """Return what f reads, x (d,), with consistent values of components without memory.
+
+    Where Newton's method does not converge the values stay, and the next step finds its own.
+    """
+    rows, columns = _unknowns(system)
+    own = rows == columns
+    found = _solve(system, t, x, rows[own], columns[own])
+    return x if found is None else found
