@@ -88,7 +88,7 @@ def test_an_index_above_1_is_refused():
     def rhs(t, y):
         return np.array([y[1], y[0] - np.sin(t)])
 
-    with pytest.raises(ValueError, match="index above 1.*differentiate"):
+    with pytest.raises(ValueError, match=r"index above 1.*differentiate"):
         hd.solve(hd.Equation(FIRST * hd.Caputo(0.5), rhs, [0.0, 1.0]), 2.0)
 
 

@@ -51,7 +51,9 @@ class Equation:
         Operators with their coefficients, ``[Caputo(1.8), 0.25 * Caputo(0.8)]`` or ``Caputo(1.8) +
         0.25 * Caputo(0.8)``. Orders and coefficients are one for all components or of shape (d,). A
         coefficient of shape (d, d) has a row for each equation and a column for each component. A
-        sequence is a sum: two components of orders 0.9 and 0.8 are ``Caputo([0.9, 0.8])``.
+        sequence is a sum: two components of orders 0.9 and 0.8 are ``Caputo([0.9, 0.8])``. With
+        `rtol=` a component whose coefficients are all 0 has the algebraic row 0 = rhs, and y0 has
+        to satisfy it.
     rhs : callable, or None with `linear`
         ``rhs(t, y)`` or ``rhs(t, y, params)`` returning shape (d,) (or a number when d = 1), or in
         place ``rhs(t, y, dy, params)``. The number of arguments decides. t is a float, y has shape
