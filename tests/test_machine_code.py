@@ -213,7 +213,8 @@ def test_damaged_entries_and_a_missing_folder_cost_no_more_than_time(package, tm
     shutil.rmtree(package / "__pycache__", ignore_errors=True)
     (package / "__pycache__").write_text("")
     environment = {
-        "NUMBA_CACHE_DIR": str(nowhere), "HOME": str(nowhere), "PYTHONPATH": str(package.parent)
+        "NUMBA_CACHE_DIR": str(nowhere), "HOME": str(nowhere), "XDG_CACHE_HOME": str(nowhere),
+        "PYTHONPATH": str(package.parent),
     }  # fmt: skip
     done = subprocess.run(
         [sys.executable, "-W", "always", "-c", code],

@@ -3,6 +3,7 @@
 import mpmath
 import numpy as np
 import pytest
+from cases import GIVEN
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -173,3 +174,79 @@ def test_equations_without_params_and_with_orders_that_vary():
         hd.solve(varying.replace(params=[k]), 1.0, rtol=1e-10).y[-1] for k in (0.999, 1.001)
     )
     assert found.by_params[-1, :, 0] == pytest.approx((above - below) / 2e-3, abs=1e-5)
+
+
+def chorus(t, y, dy, p):
+    dy[0] = -y[0] * y[0]
+    for k in range(p.size):
+        dy[0] += p[k] * np.cos((k + 1) * t) / (k + 1)
+
+
+@pytest.mark.parametrize("rtol", [1e-4, 1e-8, 1e-11])
+def test_fifty_parameters_of_little_effect(rtol):
+    """Each moves f by some hundredths of it, where rounding shows in differences of f."""
+    equation = hd.Equation(hd.Caputo(0.7), chorus, 1.0, params=np.linspace(0.5, 1.0, 50))
+    found = hd.sensitivities(equation, 2.0, rtol=rtol, wrt="params")
+    assert found.success
+    for k in (0, 7, 49):
+        by_runs = by_differences(equation, k, 2e-4, rtol=1e-12)
+        assert found.by_params[-1, :, k] == pytest.approx(by_runs, abs=max(0.1 * rtol, 1e-8))
+
+
+def by_differences(equation, k, change, t_end=2.0, n_steps=None, **how):
+    """Return the derivative of the last row by a parameter, by differences of two runs."""
+    moved = change * np.eye(equation.params.size)[k]
+    above, below = (
+        hd.solve(equation.replace(params=equation.params + e), t_end, n_steps, **how).y[-1]
+        for e in (moved, -moved)
+    )
+    return (above - below) / (2 * change)
+
+
+def pairs(t, y, dy, p):
+    dy[0] = p[0] * np.sin(y[1]) - y[0]
+    dy[1] = -p[1] * y[0] * y[1]
+
+
+@pytest.mark.parametrize("scheme", GIVEN, ids=repr)
+def test_every_scheme_gives_the_derivative_of_its_own_rows(scheme):
+    equation = hd.Equation(hd.Caputo(0.8), pairs, [1.0, 0.5], params=[1.2, 0.7])
+    found = hd.sensitivities(equation, 1.0, 40, scheme=scheme)
+    for k in range(2):
+        by_runs = by_differences(equation, k, 1e-4, 1.0, 40, scheme=scheme)
+        assert found.by_params[-1, :, k] == pytest.approx(by_runs, abs=1e-7)
+
+
+def relayed(t, y, p):
+    return (p[1] if t >= 1.0 else 0.5) - p[0] * y**3
+
+
+@pytest.mark.parametrize("t_end", [1.0, 2.0])
+def test_jumps_next_to_bounded_kernels(t_end):
+    """Of an exponential kernel y jumps at the start and with f, and so do its derivatives."""
+    term = hd.Memory(hd.Prony([1.0], [2.0]), 1)
+    equation = hd.Equation(term, relayed, 1.0, params=[0.8, 1.5])
+    how = {"rtol": 1e-11, "breaks": [1.0]}
+    found = hd.sensitivities(equation, t_end, wrt="params", **how)
+    for k in range(2):
+        by_runs = by_differences(equation, k, 1e-4, t_end, **how)
+        assert found.by_params[-1, :, k] == pytest.approx(by_runs, abs=1e-7)
+
+
+def chain(t, y, dy, p):
+    for c in range(y.size):
+        left, right = y[c - 1] if c > 0 else 1.0, y[c + 1] if c < y.size - 1 else 0.0
+        dy[c] = p[0] * (left - 2.0 * y[c] + right) - p[1] * y[c] ** 3
+
+
+@pytest.mark.parametrize("how", [{"rtol": 1e-8}, {"n_steps": 200, "scheme": hd.BDF(2)}], ids=str)
+def test_many_components_with_stated_entries(how):
+    """Twenty neighbours that act on each other with the same force."""
+    given = hd.Caputo(0.8), chain, np.zeros(20)
+    dense = hd.Equation(*given, params=[1.0, 0.5])
+    banded = hd.Equation(*given, params=[1.0, 0.5], bandwidth=(1, 1))
+    found, same = (hd.sensitivities(e, 2.0, wrt="params", **how) for e in (banded, dense))
+    assert found.by_params == pytest.approx(same.by_params, abs=1e-8)
+    for k in range(2):
+        by_runs = by_differences(banded, k, 1e-4, **how)
+        assert found.by_params[-1, :, k] == pytest.approx(by_runs, abs=1e-6)

@@ -3,17 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
-from functools import lru_cache
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..compiled.jit import RHS_SIG, as_value, derived
 from ..equation.equation import Equation, current_equation
-from ..equation.system import System
-from ..equation.terms import ConstantOrder, SystemTerm
 from ..given.history.history import History
 from ..given.steps import kept_steps
 from ..solver.opening import chooses_steps, how_to_step, open_stepper
@@ -83,10 +79,11 @@ def sensitivities(
 ) -> Sensitivities:
     """Solve an equation with the derivatives of its solution by parameters, y0 and orders.
 
-    Parameters become constant components, ``q' = 0`` with q(0) = 1 in units of each parameter.
-    Tangents along q(0) and y(0) are solved with the orbit: they are the derivatives of the discrete
-    solution. Derivatives by orders are central differences of further runs, and one-sided next to
-    an integer, which an order cannot cross.
+    The derivative s by a parameter p solves the linearised equation with a force. For one term it
+    is ``D^alpha s = df/dy s + df/dp`` with s(0) = 0. Derivatives by y(0) solve it without the
+    force. They are solved with the solution, by its scheme and steps and with the factors of its
+    Newton method. Derivatives by orders are central differences of further runs, and one-sided next
+    to an integer, which an order cannot cross.
 
     Parameters
     ----------
@@ -118,13 +115,14 @@ def sensitivities(
     -----
     With given steps, derivatives by params and y0 are those of the discrete solution to 1e-9, and
     converge with the order of the scheme. With `Collocation` their error is below rtol times their
-    largest size so far, or 1e-9. Derivatives of the right-hand side by parameters and y are
-    differences, as without `jac`. Derivatives by orders have errors of 1e-7 of the solution; they
-    are NaN if one of their runs ends early.
+    largest size so far, or 1e-9. Of a derivative by p that size is at least a tenth of y / p. The
+    right-hand side is differentiated by differences in p, and in y without `jac`. Derivatives by
+    orders have errors of 1e-7 of the solution; they are NaN if one of their runs ends early.
 
     Cost
     ----
-    One tangent for each parameter and initial value; two runs for each order.
+    One linearised equation of d components for each parameter and initial value; two runs for each
+    order.
 
     Examples
     --------
@@ -144,13 +142,10 @@ def sensitivities(
     how: dict[str, Any] = {"scheme": scheme, "history": history, "n_steps": n_steps}
     how |= {"rtol": rtol, "atol": atol}
     size = equation.params.size if "params" in kinds else 0
-    if scheme.solve == "imex" or (size and not scheme.components_differ):
-        required = "take components of their own orders, which parameters become, and no linear="
-        refuse("scheme", required, repr(scheme), "use BDF(2) or Collocation")
-    system, units = _with_parameters(equation.system.dense(), size)
-    d, n_data = system.d, system.d + int(np.sum(system.second))
-    by_y0 = [*range(equation.d), *range(d, n_data)] if "y0" in kinds else []
-    directions = np.eye(n_data)[:, [*range(equation.d, d), *by_y0]]
+    system = replace(equation.system, by_params=size)
+    n_data = system.d + int(np.sum(system.second))
+    directions = np.eye(n_data)[:, : n_data if "y0" in kinds else 0]
+    directions = np.hstack([np.zeros((n_data, size)), directions])
     span = t_last - start
     stepping = how_to_step(system, t_end=span, **how)
     stepper, _ = open_stepper(system, scheme, history, stepping, span, directions=directions)
@@ -165,13 +160,12 @@ def sensitivities(
             stepper.advance(stop, keep=False)
         if stepper.trouble:
             break
-        rows.append(stepper.y[: equation.d])
+        rows.append(stepper.y)
         tangents.append(stepper.tangent[: equation.d])
     ended = stepper.trouble or Ending(reached_end(stepper))
     message = report(stepper, ended)
     y = np.array(rows).reshape(-1, equation.d)
     every = np.array(tangents).reshape(len(y), equation.d, -1)
-    every[..., :size] /= units
     by_orders = _by_orders(equation, t_last, times[: len(y)], how) if "orders" in kinds else None
     return Sensitivities(
         t=times[: len(y)],
@@ -201,46 +195,6 @@ def _kinds(wrt: Any, equation: Equation) -> tuple[str, ...]:
     if "orders" in kinds and not system.constant:
         refuse("wrt", "leave out orders if they vary or if kernels are general", kinds)
     return kinds
-
-
-def _with_parameters(system: System, size: int) -> tuple[System, np.ndarray]:
-    """Return the system whose first parameters are components behind its own, of order 1.
-
-    And their units: such a component is 1, -1 or 0, and its size does not count for that of y.
-    """
-    if size == 0:
-        return system, np.ones(0)
-    d, p = system.d, system.params
-    units = np.where(p != 0, np.abs(p), 1.0)
-    left = [SystemTerm(op, np.append(c, np.zeros(size))) for op, c in system.left]
-    left.append(SystemTerm(ConstantOrder(1.0), np.repeat([0.0, 1.0], [d, size])))
-    y0 = np.hstack([system.y0, np.zeros((system.m, size))])
-    y0[0, d:] = p / units
-    params = np.concatenate([system.compiled_params, units, [float(size)]])
-    rhs = as_value(_reading(system.compiled_rhs), RHS_SIG)
-    quantities, of_y = np.repeat([0, 1], [d, size]), np.append(system.of_y, [0] * size)
-    return System(
-        left, y0, params, rhs, quantities=quantities, of_y=of_y, frame=system.frame
-    ), units
-
-
-@lru_cache(maxsize=64)
-def _reading(rhs: Any) -> Any:
-    """Return a right-hand side that finds its first parameters among the components.
-
-    Their units, and their number, follow its own parameters.
-    """
-
-    def reading(t: float, y: np.ndarray, dy: np.ndarray, params: np.ndarray) -> None:
-        size = int(params[-1])
-        d, n = y.shape[0] - size, params.shape[0] - size - 1
-        own = params[:n].copy()
-        for k in range(size):
-            own[k] = y[d + k] * params[n + k]
-            dy[d + k] = 0.0
-        rhs(t, y[:d], dy[:d], own)
-
-    return derived(reading)
 
 
 def _by_orders(

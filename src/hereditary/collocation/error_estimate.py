@@ -14,6 +14,9 @@ from .structures import ALGEBRAIC
 # Relative tolerance of tangents is at least this: those that have decayed consist of rounding
 # errors, which grow when tangents are normalised.
 _TANGENT = 1e-9
+# Least size of a derivative by a parameter p, as fraction of y / p: differences of f have errors
+# of 1e-10 of f / p, which may be larger than a small derivative's tolerance.
+_OF_QUOTIENT = 0.1
 # Rounding error of p, as a fraction of p(0).
 _ROUNDING = 1e-14
 # Rounding error of sums over a step, as a fraction of y, where p is y'.
@@ -319,7 +322,8 @@ def legendre_tail(legendre, values, rounding):
 def tangent_error_ratio(m, h, slot):
     """Return the largest ratio of a tangent's error to its tolerance, relative to its size.
 
-    Sizes and errors are the largest among components, in the unit of each.
+    Sizes and errors are the largest among components, in the unit of each. A derivative by a
+    parameter has at least a fraction of its quotient with the unit as size.
     """
     values, p0, errors, units = m.room.values, m.orbit.initial, m.room.errors, m.room.units
     worst, rtol = 0.0, max(m.limits.rtol, _TANGENT)
@@ -332,6 +336,9 @@ def tangent_error_ratio(m, h, slot):
                 if not own < np.inf:
                     return np.inf
                 size = max(size, own / units[c])
+        if column <= m.right.by_params:
+            p = abs(m.right.user.params[column - 1])
+            size = max(size, _OF_QUOTIENT / (p if p > 0.0 else 1.0))
         if size > 0.0:
             for c in range(errors.shape[0]):
                 worst = max(worst, errors[c] / units[c] / (rtol * size))

@@ -49,7 +49,9 @@ def _forces(system, t, x, counts):
     force, jacobian = system.force(t, x[0]), system.derivative(t, x[0])
     jacobian = jacobian if system.structure is None else jacobian.toarray()
     counts["rhs"] += 1
-    return np.vstack([force, x[1:] @ jacobian.T]), jacobian
+    forces = np.vstack([force, x[1:] @ jacobian.T])
+    forces[1 : 1 + system.by_params] += system.derivatives_by_parameters(t, x[0])
+    return forces, jacobian
 
 
 def _stiffness(form):

@@ -9,7 +9,7 @@ history before the step is a sum of exponential modes, advanced by exact moments
 
 import numpy as np
 
-from ..compiled.jacobian import COLUMNS, ROWS, VALUES, is_sparse, magnitudes
+from ..compiled.jacobian import COLUMNS, ROWS, VALUES, add_derivative_by, is_sparse, magnitudes
 from ..compiled.jit import inner
 from ..compiled.linalg import clear_matrix, dot, factorise, put, put_cube, put_matrix
 from ..compiled.signatures import FACTORISE, SUBSTITUTE
@@ -322,10 +322,13 @@ def solve_tangent_stages(m, h):
     for column in range(1, values.shape[0]):
         f, p, x = values[column, FORCE], values[column, PRIMARY], values[column, POSITION]
         clear_matrix(p)
+        clear_matrix(room.forced)
+        if column <= m.right.by_params:
+            set_derivatives_by(column - 1, m)
         done = False
         for _ in range(_TANGENT_SWEEPS):
             positions(m, h, p, x_start[column], x)
-            clear_matrix(f)
+            put_matrix(room.forced, f)
             correct_forces(jacobians, none, x, f, room.moved)
             if done:
                 break
@@ -343,3 +346,16 @@ def solve_tangent_stages(m, h):
         if not done:
             return False
     return True
+
+
+@inner
+def set_derivatives_by(k, m):
+    """Set the room's `forced` to df / dp_k at the nodes of the orbit's step."""
+    room, x = m.room, m.room.values[0, POSITION]
+    for i in range(x.shape[1]):
+        for c in range(x.shape[0]):
+            room.point[c], room.force[c] = x[c, i], 0.0
+        calls = add_derivative_by(k, m.right.user, room.times[i], room.point, room.force)
+        m.state.counts.rhs += calls
+        for c in range(x.shape[0]):
+            room.forced[c, i] = room.force[c]

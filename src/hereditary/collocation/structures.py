@@ -312,6 +312,7 @@ class StepRoom(NamedTuple):
     - residual, change (d s,): of the equations; nodal_change (d, s): the same change by nodes.
     - before (d, s), moved (s, d): y before a change, and its change; reached (s, s): the weights of
       an extrapolation.
+    - forced (d, s): of a tangent, the derivative of f by a parameter.
     - point, force (d,): a point and f there.
     - goal, errors, defect (d,): Newton's accuracy, the errors and the defect of f.
     - hidden (d,): the largest p of the same quantity, whose rounding a small component may be.
@@ -332,6 +333,7 @@ class StepRoom(NamedTuple):
     before: Matrix
     moved: Matrix
     reached: Matrix
+    forced: Matrix
     point: Vector
     force: Vector
     goal: Vector
@@ -429,6 +431,7 @@ def empty_room(columns, values, stages, n_checks):
         before=np.empty((d, s)),
         moved=np.empty((s, d)),
         reached=np.empty((s, s)),
+        forced=np.empty((d, s)),
         base=np.empty((*columns, s)),
         values=np.empty(values),
         jacobians=each,

@@ -153,15 +153,45 @@ def sparse_jacobian(functions, t, y, units, out):
     return calls
 
 
-def right_side(rhs, jac, params, sparse):
+@inner(allocates=True)
+def add_derivative_by(k, functions, t, y, out):
+    """Add df / dp_k, by central differences, to out (d,); return the number of calls of `rhs`."""
+    rhs, n, d = functions.rhs, functions.params.shape[0], y.shape[0]
+    up, down, params = np.empty(d), np.empty(d), np.empty(n)
+    for i in range(n):
+        params[i] = functions.params[i]
+    p = params[k]
+    step = _STEP * (abs(p) if p != 0.0 else 1.0)
+    params[k] = p + step
+    rhs(t, y, up, params)
+    width = params[k]
+    params[k] = p - step
+    rhs(t, y, down, params)
+    width -= params[k]
+    if not finite_between(d, up, down):
+        extend(rhs, t, y, functions.params, up, down)
+    for i in range(d):
+        out[i] += (up[i] - down[i]) / width
+    return 2
+
+
+def right_side(rhs, jac, params, sparse, by_params=0):
     """Return the `RightSide` of compiled functions; without a Jacobian it is by differences."""
     by_differences = sparse_jacobian if sparse else dense_jacobian
     how = as_value(by_differences if jac is None else given_jacobian, JACOBIAN_SIG)
     jac = as_value(no_jacobian, JAC_SIG) if jac is None else jac
-    return RightSide(UserFunctions(rhs, jac, params), how)
+    return RightSide(UserFunctions(rhs, jac, params), how, by_params)
 
 
 @entry(RIGHT_SIDE, F8, VEC, VEC, MAT)
 def jacobian_at(right, t, y, units, out):
     """Set the Jacobian at (t, y), for one call from Python."""
     right.jacobian(right.user, t, y, units, out)
+
+
+@entry(RIGHT_SIDE, F8, VEC, MAT)
+def derivatives_by_parameters(right, t, y, out):
+    """Set the derivatives of f by the first parameters, out (p, d), for one call from Python."""
+    out[:] = 0.0
+    for k in range(out.shape[0]):
+        add_derivative_by(k, right.user, t, y, out[k])

@@ -19,10 +19,14 @@ JACOBIAN_SIG = I8(Reference(compiled_type(UserFunctions)), F8, VEC, VEC, MAT)
 
 
 class RightSide(NamedTuple):
-    """The right-hand side of an equation, and how its Jacobian is computed."""
+    """The right-hand side of an equation, and how its Jacobian is computed.
+
+    The first `by_params` tangents are derivatives by the first parameters, one by each.
+    """
 
     user: UserFunctions
     jacobian: Annotated[Any, FunctionField(JACOBIAN_SIG)]
+    by_params: int = 0
 
 
 RIGHT_SIDE = Reference(compiled_type(RightSide))

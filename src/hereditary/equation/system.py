@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..compiled.jacobian import VALUES, jacobian_at, right_side
+from ..compiled.jacobian import VALUES, derivatives_by_parameters, jacobian_at, right_side
 from ..compiled.signatures import RightSide
 from ..functions.differences import units_of
 from ..support.checks import refuse
@@ -59,6 +59,8 @@ class System:
         Whether it is all of the right-hand side.
     callbacks : tuple
         Functions called in Python, which live as long as compiled code may call their addresses.
+    by_params : int
+        The first tangents, so many, are derivatives by the first parameters.
     """
 
     left: Iterable[SystemTerm]  # a tuple, once made
@@ -77,6 +79,7 @@ class System:
     matrix: Any = None
     linear_alone: bool = False
     callbacks: tuple = ()
+    by_params: int = 0
 
     def __post_init__(self) -> None:
         set_once = partial(object.__setattr__, self)
@@ -143,7 +146,7 @@ class System:
     def compiled(self) -> RightSide:
         """Right-hand side, its Jacobian and parameters for the records of compiled code."""
         how = self.compiled_rhs, self.compiled_jac, self.compiled_params
-        return right_side(*how, sparse=self.structure is not None)
+        return right_side(*how, self.structure is not None, self.by_params)
 
     @property
     def params(self) -> np.ndarray:
@@ -244,6 +247,12 @@ class System:
         jacobian_at(self.compiled, float(t), y, units, out)
         return out if structure is None else structure.matrix(out[VALUES])
 
+    def derivatives_by_parameters(self, t: float, y: np.ndarray) -> np.ndarray:
+        """Return d rhs / d p at (t, y) by the first `by_params` parameters, (by_params, d)."""
+        out = np.empty((self.by_params, self.d))
+        derivatives_by_parameters(self.compiled, float(t), np.array(y, dtype=float), out)
+        return out
+
     @cached_property
     def units(self) -> np.ndarray:
         """Units of the components, (d,), for differences where y is small; 0 if there are none."""
@@ -320,7 +329,9 @@ def variational(system: System, directions: np.ndarray) -> System:
 
     def rhs(t: float, y: np.ndarray, dy: np.ndarray, params: np.ndarray) -> None:
         system.compiled_rhs(t, np.ascontiguousarray(y[:d]), dy[:d], params)
-        dy[d:] = (system.derivative(t, y[:d]) @ y[d:].reshape(k, d).T).T.ravel()
+        forces = (system.derivative(t, y[:d]) @ y[d:].reshape(k, d).T).T
+        forces[: system.by_params] += system.derivatives_by_parameters(t, y[:d])
+        dy[d:] = forces.ravel()
 
     return _repeated(system, 1 + k, y0, rhs)
 

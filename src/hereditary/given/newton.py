@@ -5,7 +5,15 @@ By Newton's method, or at once where only a constant matrix is taken implicitly.
 
 import numpy as np
 
-from ..compiled.jacobian import COLUMNS, ROWS, VALUES, is_sparse, magnitudes, multiply
+from ..compiled.jacobian import (
+    COLUMNS,
+    ROWS,
+    VALUES,
+    add_derivative_by,
+    is_sparse,
+    magnitudes,
+    multiply,
+)
 from ..compiled.jit import inner, plug_in
 from ..compiled.linalg import solve_in_place
 from ..compiled.signatures import FACTORISE, SUBSTITUTE
@@ -216,10 +224,11 @@ def no_tangents_solved(m, t):
 
 @plug_in
 def solve_tangents(m, t):
-    """Solve ``scale w + known = lead J (base + gain w)`` for every tangent's w.
+    """Solve ``scale w + known = lead (J (base + gain w) + df / dp)`` for every tangent's w.
 
-    J is the Jacobian where the orbit's own w, which is given, solves the step. Return False if the
-    equations are singular; count the calls of `rhs`.
+    df / dp is 0 for the tangents that are no derivatives by a parameter. J is the Jacobian where
+    the orbit's own w, which is given, solves the step. Return False if the equations are singular;
+    count the calls of `rhs`.
     """
     right, room, n, d, work = m.right, m.room, m.table.n_orbit, m.table.n_solved, m.state.newton
     base, w, lead, known, change = room.base, room.w, room.lead, room.known, room.moved[:n]
@@ -229,6 +238,10 @@ def solve_tangents(m, t):
         return False
     for first in range(n, base.shape[0], n):
         multiply(work[0], base[first : first + n], change)
+        k = first // n - 1
+        if k < right.by_params:
+            calls = add_derivative_by(k, right.user, t, room.point[:n], change)
+            m.state.counts.rhs += calls
         for i in range(n):
             change[i] = lead[i] * change[i] - known[first + i] if i < d else 0.0
         m.solver(SUBSTITUTE, 1, work[2], change, m.linear)

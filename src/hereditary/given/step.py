@@ -3,7 +3,7 @@
 Prediction and corrector sweeps are for pieces that are values of f.
 """
 
-from ..compiled.jacobian import multiply
+from ..compiled.jacobian import add_derivative_by, multiply
 from ..compiled.jit import inner, plug_in
 
 
@@ -20,11 +20,15 @@ def evaluate(march, t, x, f):
 
 @plug_in
 def push_tangents(m, t, x, f):
-    """Set the right-hand sides of the tangents: the Jacobian times each of them."""
+    """Set the right-hand sides of the tangents: the Jacobian times each, and df / dp_k."""
     right, d, j_f = m.right, m.table.n_orbit, m.state.newton[-1]
     m.state.counts.rhs += right.jacobian(right.user, t, x[:d], m.room.units, j_f)
     for first in range(d, x.shape[0], d):
         multiply(j_f, x[first : first + d], f[first : first + d])
+    for k in range(right.by_params):
+        first = d * (1 + k)
+        calls = add_derivative_by(k, right.user, t, x[:d], f[first : first + d])
+        m.state.counts.rhs += calls
 
 
 @plug_in
