@@ -6,6 +6,7 @@ each are stored in a slot of a table. The order of modes is that of kernels/mode
 """
 
 import math
+import threading
 
 import numpy as np
 
@@ -21,6 +22,8 @@ _PER_OCTAVE = 8
 _DIGITS = 2.0**12
 # Slots of the tables; lengths whose ratio is a power of 2**(SLOTS / _PER_OCTAVE) share one.
 SLOTS = 64
+# Tables that are kept; each holds up to 64 lengths of steps, some hundred kB.
+_MOST = 8
 # Arguments of exp(-z) from which it is taken for 0.
 _UNDERFLOW = 700.0
 # Arguments below which Bessel functions are 1 - x, x / 3 and 0 in rounding.
@@ -312,3 +315,36 @@ def turning_legendre(z, n, out):
     out[0] = value
     for k in range(n):
         out[k] /= total + value
+
+
+class KeptTables:
+    """Tables that no march works with at present.
+
+    A march takes one and gives it back, so that no two write to it at once. Factors depend on the
+    length of a step, the nodes, and the rates and kernels alone. Results do not depend on which
+    lengths a table holds already.
+    """
+
+    def __init__(self):
+        self._kept, self._lock = [], threading.Lock()
+
+    def take(self, basis, s, n_varying):
+        """Return a table for these modes on s nodes, and what it is to be given back with."""
+        n_kernels = basis.masses.size - n_varying
+        of_kernels = basis.weights[basis.weights.shape[0] - basis.masses.size :][:n_kernels]
+        parts = basis.rates, basis.pairs, of_kernels, basis.masses[:n_kernels]
+        key = s, n_varying, *(part.tobytes() for part in parts)
+        with self._lock:
+            for place in reversed(range(len(self._kept))):
+                if self._kept[place][0] == key:
+                    return self._kept.pop(place)
+        return key, empty_tables(basis.weights.shape[1], s, basis.masses.size)
+
+    def give_back(self, taken):
+        """Keep what `take` returned for a later march."""
+        with self._lock:
+            self._kept.append(taken)
+            del self._kept[:-_MOST]
+
+
+kept_tables = KeptTables()
