@@ -250,3 +250,40 @@ def test_many_components_with_stated_entries(how):
     for k in range(2):
         by_runs = by_differences(banded, k, 1e-4, **how)
         assert found.by_params[-1, :, k] == pytest.approx(by_runs, abs=1e-6)
+
+
+def recalling(t, y, memory, p):
+    return p[1] * memory[0] * np.cos(t) - p[0] * y
+
+
+def driven_decay(t, y, p):
+    return p[1] * np.cos(t) - p[0] * y
+
+
+HOW = {"rtol": 1e-10}, {"n_steps": 100, "scheme": hd.L1()}, {"n_steps": 100}
+
+
+@pytest.mark.parametrize("how", HOW, ids=str)
+@pytest.mark.parametrize("memory", [hd.Caputo(0.4), hd.Memory(hd.Prony([1.0], [0.5]), 0)], ids=repr)
+def test_memory_that_the_right_hand_side_reads(memory, how):
+    equation = hd.Equation(hd.Caputo(0.8), recalling, 1.0, params=[1.0, 0.5], memory=memory)
+    found = hd.sensitivities(equation, 2.0, wrt="params", **how)
+    for k in range(2):
+        by_runs = by_differences(equation, k, 1e-4, **how)
+        assert found.by_params[-1, :, k] == pytest.approx(by_runs, abs=1e-7)
+
+
+def test_rows_lie_between_steps_with_a_tolerance():
+    """A gamma density makes a larger system, among whose components y and its tangents are."""
+    terms = hd.Caputo(1.6) + 0.5 * hd.Memory(hd.GammaDensity(2.0, 3.0), 0)
+    equation = hd.Equation(terms, driven_decay, [1.0, 0.2], params=[1.0, 0.5])
+    times = np.linspace(0.0, 2.0, 9)
+    found = hd.sensitivities(equation, 2.0, rtol=1e-10, t_eval=times)
+    assert np.array_equal(found.by_y0[0], [[1.0, 0.0]])
+    assert not found.by_params[0].any()
+    for i in (1, 4, 8):
+        for k in range(2):
+            by_runs = by_differences(equation, k, 1e-4, times[i], rtol=1e-11)
+            assert found.by_params[i, :, k] == pytest.approx(by_runs, abs=1e-7)
+    unit = hd.solve(equation.replace(y0=[2.0, 0.2]), 2.0, rtol=1e-10, t_eval=times).y
+    assert found.y[:, 0] + found.by_y0[:, 0, 0] == pytest.approx(unit[:, 0], abs=1e-8)

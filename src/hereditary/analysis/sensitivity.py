@@ -88,7 +88,7 @@ def sensitivities(
     Parameters
     ----------
     equation : Equation
-        Of real y, orders up to 2 and compiled functions, without `memory` and matrices.
+        Of real y, orders up to 2 and compiled functions, without matrices.
     t_end : float
         End of the run [time].
     n_steps : int, optional
@@ -96,8 +96,7 @@ def sensitivities(
     wrt : str or sequence of str, optional
         "params", "y0", "orders", or several of them; by default y0, and params if there are any.
     t_eval : array_like, shape (n,), optional
-        Times of the rows, by default the start and the end. With n_steps times of steps; with rtol
-        steps end at each of them.
+        Times of the rows, by default the start and the end. With n_steps they are times of steps.
     rtol, atol, scheme, history, breaks
         As in `solve`.
 
@@ -151,21 +150,14 @@ def sensitivities(
     stepper, _ = open_stepper(system, scheme, history, stepping, span, directions=directions)
     stepper.set_breaks(checked_breaks(breaks, start), span)
     how["breaks"] = breaks
-    # times of steps may be given up to rounding
-    by_time = chooses_steps(scheme)
-    stops = times - start if by_time else kept_steps(times, stepping.h, start)
-    rows, tangents = [], []
-    for stop in stops:
-        while stepper.position < stop and not stepper.trouble:
-            stepper.advance(stop, keep=False)
-        if stepper.trouble:
-            break
-        rows.append(stepper.y)
-        tangents.append(stepper.tangent[: equation.d])
+    if chooses_steps(scheme):
+        rows = _between_steps(stepper, times - start)
+    else:  # times of steps may be given up to rounding
+        rows = _at_steps(stepper, kept_steps(times, stepping.h, start))
     ended = stepper.trouble or Ending(reached_end(stepper))
     message = report(stepper, ended)
-    y = np.array(rows).reshape(-1, equation.d)
-    every = np.array(tangents).reshape(len(y), equation.d, -1)
+    columns = np.array(rows).reshape(len(rows), 1 + directions.shape[1], equation.d)
+    y, every = columns[:, 0], np.moveaxis(columns[:, 1:], 1, 2)
     by_orders = _by_orders(equation, t_last, times[: len(y)], how) if "orders" in kinds else None
     return Sensitivities(
         t=times[: len(y)],
@@ -178,6 +170,39 @@ def sensitivities(
     )
 
 
+def _at_steps(stepper: Any, stops: np.ndarray) -> list[np.ndarray]:
+    """March to each of these steps; return y and its tangents there, rows ((1 + k) d,)."""
+    rows: list[np.ndarray] = []
+    for stop in stops:
+        while stepper.position < stop and not stepper.trouble:
+            stepper.advance(stop, keep=False)
+        if stepper.trouble:
+            break
+        rows.append(_columns(stepper))
+    return rows
+
+
+def _between_steps(stepper: Any, times: np.ndarray) -> list[np.ndarray]:
+    """March by steps of a tolerance; return rows ((1 + k) d,) at times on the way."""
+    stepper.keep_tangents()
+    rows = [_columns(stepper)] if times[0] == 0.0 else []
+    d = stepper.y.size
+    second = np.tile(stepper.system.second, _columns(stepper).size // d)
+    while stepper.position < times[-1] and not stepper.trouble:
+        piece = stepper.advance(times[-1])
+        if piece is None:
+            continue
+        reached = int(np.searchsorted(times, stepper.t, side="right"))
+        if reached > len(rows):
+            rows.extend(piece.evaluate(times[len(rows) : reached], second, 0))
+    return rows
+
+
+def _columns(stepper: Any) -> np.ndarray:
+    """Return y and its tangents, ((1 + k) d,)."""
+    return np.vstack([stepper.y, stepper.tangent[: stepper.y.size].T]).ravel()
+
+
 def _kinds(wrt: Any, equation: Equation) -> tuple[str, ...]:
     """Return what derivatives are asked for; refuse equations that have none."""
     if wrt is None:
@@ -186,9 +211,9 @@ def _kinds(wrt: Any, equation: Equation) -> tuple[str, ...]:
     if not kinds or not all(isinstance(kind, str) and kind in _KINDS for kind in kinds):
         refuse("wrt", f"hold some of {', '.join(_KINDS)}", repr(wrt))
     system = equation.system
-    rearranged = system.read.any() or system.frame.paired or system.frame.speeds
+    rearranged = system.frame.paired or system.frame.speeds
     if rearranged or system.callbacks:
-        required = "be real and compiled, of orders up to 2, without memory= and matrices"
+        required = "be real and compiled, of orders up to 2, without matrices"
         refuse("equation", required, repr(equation), "or take differences")
     if "params" in kinds and equation.params.size == 0:
         refuse("wrt", "leave out params, which the equation has none of", kinds)

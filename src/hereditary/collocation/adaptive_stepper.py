@@ -332,7 +332,7 @@ class AdaptiveStepper(ResumableStepper, TangentStepper, JumpingStepper):
         y0 = initial_unknowns(marched, form.second == 1, view.directions(directions))
         self._orbit = OrbitAndTangents(form, y0, s)
         self._state = initial_state(t_end, *np.abs([self._orbit.p[0], self._orbit.x[0]]))
-        self._at_singular_start, self._largest_error = True, 0.0
+        self._at_singular_start, self._largest_error, self._kept = True, 0.0, 1
         self._peak = np.zeros((2, marched.d))  # of p and y at the starts of steps
         self._moved = np.zeros(marched.d)  # sum of |changes of y|
         self._ending = None
@@ -376,7 +376,7 @@ class AdaptiveStepper(ResumableStepper, TangentStepper, JumpingStepper):
             if self._ending:
                 return None
         d, s, counts = self._marched.d, self._s, self._state.counts
-        steps = empty_steps(n_rows, d, s)
+        steps = empty_steps(n_rows, self._kept * d, s)
         n, status, before, origin = 0, TOO_CLOSE, (self.t, counts.copy()), self._control["origin"]
         limits = self._limits(t_stop)
         while (status == TOO_CLOSE and n == 0) or status == ORDERS_NEEDED:
@@ -400,14 +400,14 @@ class AdaptiveStepper(ResumableStepper, TangentStepper, JumpingStepper):
                     self._refine_modes(closest)
         if status == REACHED and self._error is None:
             self._set_origin(t_stop)
+        at_starts = steps.at_starts[:n, :, :d]  # y of the orbit, then p
         if status in (FULL, TOO_CLOSE):
-            stretch = *before, self.t, counts, t_stop, steps.at_starts[:n], self._still_sizes()
+            stretch = *before, self.t, counts, t_stop, at_starts, self._still_sizes()
             if self.step_limits.is_stalled(*stretch):
                 status = CRAWLING
-        at_starts = np.abs(steps.at_starts[:n]).max(axis=0, initial=0.0)  # y, then p
-        self._peak = np.maximum(self._peak, at_starts[::-1])
+        self._peak = np.maximum(self._peak, np.abs(at_starts).max(axis=0, initial=0.0)[::-1])
         if self.n_steps > _ROWS:  # little adds up over fewer
-            self._moved += np.abs(np.diff(steps.at_starts[:n, 0], axis=0)).sum(axis=0)
+            self._moved += np.abs(np.diff(at_starts[:, 0], axis=0)).sum(axis=0)
         if status not in (REACHED, FULL, TOO_CLOSE):
             lengths, last = (self._control["last"], self._control["next"]), self._orbit.last[0]
             self._ending = ending(status, self._marched, self.t, *lengths, last, self._peak)
@@ -540,7 +540,7 @@ class AdaptiveStepper(ResumableStepper, TangentStepper, JumpingStepper):
         values = np.zeros((orbit.x.shape[0], 3, d, n))
         arrays = OrbitArrays(orbit.initial, orbit.x, orbit.p, history, 0.0 * history, values)
         self._begin_steps(h, h)
-        steps = empty_steps(1, d, n)
+        steps = empty_steps(1, self._kept * d, n)
         solver = stage_solver(self._marched.structure, form, n)
         how = solver, rule, basis, tables, arrays
         limits = self._limits(t_stop)
@@ -625,6 +625,10 @@ class AdaptiveStepper(ResumableStepper, TangentStepper, JumpingStepper):
         """Tangents: derivatives of y, and of y' for orders above 1, shape (n_data, k); a copy."""
         values, speeds = self._view.values(self._orbit.x[1:], self._orbit.p[1:])
         return np.vstack([values.T, speeds[:, self.system.second].T])
+
+    def keep_tangents(self):
+        """Let dense output have the tangents too: d components of each after those of the orbit."""
+        self._kept = self._orbit.x.shape[0]
 
     def transform_tangent(self, matrix):
         """Replace the tangents and their history by ``tangent @ matrix``, matrix (k, k)."""

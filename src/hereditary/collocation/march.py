@@ -414,12 +414,15 @@ def advance_orbit(m, h, slot):
 def record_step(m, t, h, ratio, row):
     """Record an accepted step in a row of `steps`, and the largest p so far where p is y'."""
     steps, second, largest = m.steps, m.equations.second, m.state.largest
-    x, p, nodal, at_start = m.orbit.x[0], m.orbit.p[0], steps.p[row], steps.at_starts[row]
-    d, s = nodal.shape
+    x, p, nodal, at_start = m.orbit.x, m.orbit.p, steps.p[row], steps.at_starts[row]
+    d, s = x.shape[1], nodal.shape[1]
     steps.starts[row], steps.lengths[row], steps.errors[row] = m.state.control.origin + t, h, ratio
-    put_matrix(m.room.values[0, PRIMARY], nodal)
+    for column in range(nodal.shape[0] // d):
+        first = d * column
+        put_matrix(m.room.values[column, PRIMARY], nodal[first : first + d])
+        for c in range(d):
+            at_start[0, first + c], at_start[1, first + c] = x[column, c], p[column, c]
     for c in range(d):
-        at_start[0, c], at_start[1, c] = x[c], p[c]
         for i in range(s):
             if second[c] == 1:
                 largest[c] = max(largest[c], abs(nodal[c, i]))

@@ -109,7 +109,7 @@ class Reading(Plain):
 
 @dataclass(frozen=True, eq=False)
 class ReadingPiece(Piece):
-    """Dense output of y among the components of a larger system.
+    """Dense output of y, and perhaps of its tangents, among the components of a larger system.
 
     Attributes
     ----------
@@ -127,11 +127,16 @@ class ReadingPiece(Piece):
 
     def evaluate(self, t, second, derivative):
         """Return y, or y' for ``derivative=1``, at times t inside the steps, (k, d)."""
-        none, d = np.zeros(1, dtype=bool), self.speeds.size
-        found = self.inner.evaluate(t, none, derivative)[:, :d]
+        found = self._columns(t, second, derivative)[..., : self.speeds.size].reshape(len(t), -1)
         if not derivative or not second.any():
             return found
-        return np.where(second, self.inner.evaluate(t, none, 0)[:, self.speeds], found)
+        speeds = self._columns(t, second, 0)[..., self.speeds].reshape(len(t), -1)
+        return np.where(second, speeds, found)
+
+    def _columns(self, t, second, derivative):
+        """Return all components of the orbit and of each tangent that is kept, (k, columns, n)."""
+        found = self.inner.evaluate(t, np.zeros(1, dtype=bool), derivative)
+        return found.reshape(len(t), second.size // self.speeds.size, -1)
 
 
 class Reduced(NamedTuple):
@@ -305,6 +310,7 @@ class _Reduction:
             frame=Frame(system.frame.start),
             rhs_digest=system.rhs_digest,
             callbacks=system.callbacks,
+            by_params=system.by_params,
         )
         return Reduced(found, self._leading > 1, self._speeds, read, self._copies)
 

@@ -196,11 +196,13 @@ class MarchState(NamedTuple):
 
 
 class Steps(NamedTuple):
-    """Accepted steps as dense output needs them.
+    """Accepted steps as dense output needs them, of the orbit and perhaps of its tangents.
 
-    - starts, lengths (n,); p (n, d, s): at the nodes.
-    - at_starts (n, 2, d): y and then p at the starts.
+    - starts, lengths (n,); p (n, D, s): at the nodes.
+    - at_starts (n, 2, D): y and then p at the starts.
     - errors (n,): each divided by its tolerance.
+
+    D is d, or (1 + k) d: the orbit's components, then those of each tangent.
     """
 
     starts: Vector

@@ -157,7 +157,7 @@ def sparse_jacobian(functions, t, y, units, out):
 def add_derivative_by(k, functions, t, y, out):
     """Add df / dp_k, by central differences, to out (d,); return the number of calls of `rhs`."""
     rhs, n, d = functions.rhs, functions.params.shape[0], y.shape[0]
-    up, down, params = np.empty(d), np.empty(d), np.empty(n)
+    up, down, params = np.zeros(d), np.zeros(d), np.empty(n)  # f sets no memory that it reads
     for i in range(n):
         params[i] = functions.params[i]
     p = params[k]
