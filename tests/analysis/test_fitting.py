@@ -250,3 +250,29 @@ def test_what_is_observed_at_the_times_of_the_data_alone_is_drawn_there(observe)
     t, model = hd.plots.fit(found).lines[1].get_data()
     assert np.array_equal(t, T)
     np.testing.assert_allclose(model, data, rtol=0, atol=1e-6)
+
+
+def hunt(t, y, dy, p):
+    dy[0] = y[0] * (p[0] - p[1] * y[1])
+    dy[1] = y[1] * (p[2] * y[0] - p[3])
+
+
+def predators(a, b, c, d, u, v):
+    return hd.Equation(hd.Caputo(0.9), hunt, [u, v], params=[a, b, c, d])
+
+
+@pytest.mark.parametrize("power", [1, 2])
+def test_parameters_and_initial_values_share_a_run_with_tangents(power):
+    """`max_steps` asks for what tangents do not have, so that each parameter takes a run."""
+    true, t = (1.0, 0.8, 0.7, 1.2, 1.0, 0.5), np.linspace(0.2, 10.0, 50)
+    data = hd.solve(predators(*true), 10.0, t_eval=t, rtol=1e-10).y ** power
+    data += 0.01 * np.random.default_rng(3).normal(size=data.shape)
+    guess = dict(zip("abcduv", (0.9, 0.75, 0.65, 1.1, 1.05, 0.52), strict=True))
+    ways = {}, {"max_steps": 10_000}
+    few, many = (
+        hd.fit(predators, t, data, guess, observe=lambda y: y**power, **how) for how in ways
+    )
+    assert few.success
+    assert few.n_runs < many.n_runs / 2
+    assert few.parameters == pytest.approx(many.parameters, rel=1e-4)
+    assert few.standard_errors == pytest.approx(many.standard_errors, rel=1e-3)

@@ -12,8 +12,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..equation.equation import Equation
+from ..solver.opening import chooses_steps
 from ..solver.solution import Solution
-from ..solver.solve import solve
+from ..solver.solve import chosen_scheme, solve
 from ..support.checks import (
     complaint,
     component_numbers,
@@ -24,7 +25,8 @@ from ..support.checks import (
     refuse,
     shown,
 )
-from ..support.warning import warn
+from ..support.warning import silence, warn
+from .sensitivity import has_tangents, sensitivities
 
 # Relative change of parameters in differences: runs to a tolerance of 1e-8 leave 1e-4 in them.
 _CHANGE = 1e-4
@@ -34,6 +36,10 @@ _UNTOLD = 1e-4
 _SHARE = 0.01
 # A residual that is no number counts as ten of the largest one, or of so many of the largest value.
 _FAR = 1e2
+# One run with tangents takes about twice the time of a run: it pays from so many parameters on.
+_ENOUGH = 2
+# Arguments of runs that `sensitivities` takes too.
+_OF_TANGENTS = {"rtol", "atol", "scheme", "history", "breaks", "estimate"}
 # The losses of SciPy's least_squares.
 _LOSSES = "linear", "soft_l1", "huber", "cauchy", "arctan"
 # A curve of the model has at least so many points: about the pixels of a figure's width.
@@ -80,7 +86,7 @@ class FitResult:
     message : str
         The optimiser's reason to stop; or why a run with these parameters failed.
     n_runs : int
-        Sets of runs, one run for each series.
+        Sets of runs, one run for each series; a run with sensitivities counts once.
     series : list of Series
         Times, data and their standard deviations, as fitted.
     curves : list of (ndarray, ndarray)
@@ -123,9 +129,11 @@ def fit(
 ) -> FitResult:
     """Fit the parameters of an equation with memory to data, by least squares.
 
-    `scipy.optimize.least_squares` minimises the squares of the residuals over sigma. It takes
-    derivatives by differences over relative changes of 1e-4. Any number may be a parameter: orders,
-    rates, initial values, coefficients of an order that varies.
+    `scipy.optimize.least_squares` minimises the squares of the residuals over sigma. Its
+    derivatives are differences over relative changes of 1e-4. With a tolerance, two or more
+    parameters that only move the equation's `params` and `y0` share a run of `sensitivities`. Each
+    other one takes a run. Any number may be a parameter: orders, rates, initial values,
+    coefficients of an order that varies.
 
     Parameters
     ----------
@@ -177,7 +185,8 @@ def fit(
 
     Cost
     ----
-    m + 1 runs an iteration, about eight iterations: 0.1 to 0.3 s for four parameters and 60 data.
+    m + 1 runs an iteration at most, about eight iterations: 0.1 to 0.3 s for four parameters and 60
+    data.
 
     Examples
     --------
@@ -218,15 +227,23 @@ def fit(
     def unscaled(x: np.ndarray) -> np.ndarray:
         return np.clip(scale * x - shift, low, high)
 
+    limits = (low + shift) / scale, (high + shift) / scale
+
+    def derivatives(x: np.ndarray) -> np.ndarray:
+        moved = _moved(x, *limits)
+        by = np.diagonal(moved) - x
+        return runs.differences(unscaled(x), [unscaled(each) for each in moved]).T / by
+
     found = least_squares(
         lambda x: runs.residuals(unscaled(x)),
         (start + shift) / scale,
-        bounds=((low + shift) / scale, (high + shift) / scale),
-        diff_step=_CHANGE,
+        jac=derivatives,
+        bounds=limits,
         loss=loss,
     )
     best, at_bound = unscaled(found.x), found.active_mask != 0
-    solutions = runs.solutions(best, [one.t for one in series])
+    equations = runs.equations(best)
+    solutions = runs.solutions(equations)
     completed = all(sol.success for sol in solutions)
     sizes = np.maximum(np.abs(best) / scale, 1.0)
     covariance, singular = _covariance(found, sizes, at_bound, estimated, completed and names)
@@ -242,7 +259,7 @@ def fit(
         standard_errors=dict(zip(names, errors.tolist(), strict=True)),
         covariance=covariance,
         correlation=correlation,
-        residuals=runs.lacking(solutions),
+        residuals=runs.lacking([sol.y for sol in solutions]),
         cost=float(found.cost) * runs.unit**2,
         singular_values=singular,
         solutions=solutions,
@@ -250,7 +267,7 @@ def fit(
         message=failed or found.message + (f" At a bound: {held}." if held else ""),
         n_runs=runs.count,
         series=series,
-        curves=runs.curves(best, solutions),
+        curves=runs.curves(equations, solutions),
     )
 
 
@@ -283,46 +300,113 @@ class _Runs:
         if "t_eval" in how:
             refuse("t_eval", "be left out, for t says it", shown(how["t_eval"]), kind=TypeError)
         default = {} if {"n_steps", "mesh", "rtol"} & how.keys() else {"rtol": 1e-8}
-        self._how = {"estimate": False} | default | how
+        self._how = how = {"estimate": False} | default | how
+        given = (how.get(name) for name in ("scheme", "rtol", "n_steps", "mesh", "resume"))
+        scheme = chosen_scheme(*given)
+        self._tangents = chooses_steps(scheme) and how.keys() <= _OF_TANGENTS
 
-    def solutions(self, p: np.ndarray, times: list[np.ndarray]) -> list[Solution]:
-        """Return solutions with these parameters at the times (n,) of each series."""
-        self.count += 1
+    def equations(self, p: np.ndarray) -> list[Equation]:
+        """Return the model's equations with these parameters, one for each series."""
         named = dict(zip(self._names, p.tolist(), strict=True))
         try:
             made = self._model(**named) if self._named else self._model(p.copy())
         except ValueError as error:
-            if self.count == 1:  # at p0
+            if self.count == 0:  # at p0
                 raise
             at = ", ".join(f"{name} = {value:.6g}" for name, value in named.items())
             remedy = "keep parameters in range by bounds={name: (lowest, highest)}"
             raise ValueError(f"{error}, from model at {at}; {remedy}") from error
         equations = list(made) if isinstance(made, (list, tuple)) else [made]
-        if len(equations) != len(times) or not all(isinstance(e, Equation) for e in equations):
-            required = f"return an Equation, or a list with one for each of {len(times)} series"
+        n = len(self._series)
+        if len(equations) != n or not all(isinstance(each, Equation) for each in equations):
+            required = f"return an Equation, or a list with one for each of {n} series"
             refuse("model", required, repr(made), kind=TypeError)
+        return equations
+
+    def solutions(
+        self, equations: list[Equation], times: list[np.ndarray] | None = None
+    ) -> list[Solution]:
+        """Return solutions of these equations, one a series, at times (n,) or those of its data."""
+        self.count += 1
+        times = [one.t for one in self._series] if times is None else times
         for equation, t in zip(equations, times, strict=True):
             if t[-1] <= equation.t_start or t[0] < equation.t_start:
                 refuse("t", f"begin at t_start = {equation.t_start:g} or later", shown(t))
         pairs = zip(equations, times, strict=True)
         return [solve(equation, float(t[-1]), t_eval=t, **self._how) for equation, t in pairs]
 
-    def lacking(self, solutions: list[Solution]) -> list[np.ndarray]:
-        """Return model minus data (n, k): NaN where data are missing, inf where runs ended."""
+    def lacking(self, rows: list[np.ndarray]) -> list[np.ndarray]:
+        """Return model minus data (n, k): NaN where data are missing, inf where runs ended.
+
+        rows (m, d) of each series are the solution until then.
+        """
         found = []
-        for one, sol in zip(self._series, solutions, strict=True):
-            seen = self._seen(sol.y, one.data.shape[1])
+        for one, y in zip(self._series, rows, strict=True):
+            seen = self._seen(y, one.data.shape[1])
             found.append(np.full(one.data.shape, np.inf))
             found[-1][: len(seen)] = seen - one.data[: len(seen)]
             found[-1][np.isnan(one.data)] = np.nan
         return found
 
     def residuals(self, p: np.ndarray) -> np.ndarray:
-        """Return all residuals over their deviations, (n,).
+        """Return all residuals over their deviations, (n,)."""
+        equations = self.equations(p)
+        rows = [sol.y for sol in self.solutions(equations)]
+        self._last = p, equations, rows
+        return self._weighed(rows)
+
+    def differences(self, p: np.ndarray, moved: list[np.ndarray]) -> np.ndarray:
+        """Return the changes of `residuals` from p to each of these sets of parameters, (m, n)."""
+        before = self._weighed(self._last[2])
+        if not np.array_equal(self._last[0], p):
+            before = self.residuals(p)
+        _, own, rows = self._last
+        others = [self.equations(each) for each in moved]
+        linear = self._linearised(own, others, rows)
+        return np.array([
+            self._weighed(linear[k] if k in linear else [sol.y for sol in self.solutions(each)])
+            - before
+            for k, each in enumerate(others)
+        ])  # fmt: skip
+
+    def _linearised(
+        self, own: list[Equation], others: list[list[Equation]], rows: list[np.ndarray]
+    ) -> dict[int, list[np.ndarray]]:
+        """Return rows of those other equations that one run with tangents gives.
+
+        That is where the tolerance chooses steps, and two sets of equations or more differ from
+        their own ones in parameters and initial values alone.
+        """
+        every = {k: _changes(own, each) for k, each in enumerate(others)}
+        near = {k: changes for k, changes in every.items() if changes}
+        complete = all(len(y) == one.t.size for y, one in zip(rows, self._series, strict=True))
+        possible = complete and self._tangents and all(map(has_tangents, own))
+        if len(near) < _ENOUGH or not possible:
+            return {}
+        self.count += 1
+        parts = {kind for changes in near.values() for change in changes for kind in change}
+        how = {name: value for name, value in self._how.items() if name != "estimate"}
+        with silence():
+            found = [
+                sensitivities(equation, float(one.t[-1]), t_eval=one.t, wrt=sorted(parts), **how)
+                for equation, one in zip(own, self._series, strict=True)
+            ]
+        if not all(each.success for each in found):
+            return {}
+        return {
+            k: [
+                y + sum(getattr(each, f"by_{kind}") @ by for kind, by in change.items())
+                for y, each, change in zip(rows, found, changes, strict=True)
+            ]
+            for k, changes in near.items()
+        }
+
+    def _weighed(self, rows: list[np.ndarray]) -> np.ndarray:
+        """Return the residuals of rows over their deviations, (n,).
 
         Rows behind the end of a run count as far from the data, so that others are preferred.
         """
-        found = self.lacking(self.solutions(p, [one.t for one in self._series]))
+        found = self.lacking(rows)
         for k, (one, far) in enumerate(zip(self._series, self._far, strict=True)):
             known = np.isfinite(found[k])
             far = 10 * max(far, np.abs(found[k][known]).max(initial=0.0))
@@ -331,21 +415,21 @@ class _Runs:
         return np.concatenate(found) / self.unit
 
     def curves(
-        self, p: np.ndarray, solutions: list[Solution]
+        self, equations: list[Equation], solutions: list[Solution]
     ) -> list[tuple[np.ndarray, np.ndarray]]:
         """Return times (m,) and values (m, k) of the model for each series, also between the data.
 
         At the times of the data alone if `observe` needs these, as differences of rows do.
         """
-        found, times = [], [_between(one.t) for one in self._series]
-        for one, sol, fine in zip(self._series, solutions, self.solutions(p, times), strict=True):
+        found, often = [], self.solutions(equations, [_between(one.t) for one in self._series])
+        for one, sol, fine in zip(self._series, solutions, often, strict=True):
             k, slack = one.data.shape[1], 1e-6 * np.nanmax(np.abs(one.data))
             found.append((sol.t, self._seen(sol.y, k)))
             with suppress(ValueError):  # of shapes
-                often = self._seen(fine.y, k)
-                again = often[np.isin(fine.t, sol.t)]
+                seen = self._seen(fine.y, k)
+                again = seen[np.isin(fine.t, sol.t)]
                 if np.allclose(again, found[-1][1], rtol=0, atol=slack):
-                    found[-1] = fine.t, often
+                    found[-1] = fine.t, seen
         return found
 
     def _seen(self, y: np.ndarray, k: int) -> np.ndarray:
@@ -361,6 +445,40 @@ class _Runs:
             got = f"shape {seen.shape} of {seen.dtype} from y of shape {y.shape}"
             refuse("observe", f"give real values of shape {shape}, as data has", got)
         return seen.reshape(len(y), k)
+
+
+def _moved(x: np.ndarray, low: np.ndarray, high: np.ndarray) -> np.ndarray:
+    """Return sets of parameters, (m, m): in set k parameter k is moved a little, between bounds."""
+    by = _CHANGE * np.where(x == 0.0, 1.0, x)
+    above, below = high - x, x - low
+    outside = (x + by > high) | (x + by < low)
+    by = np.where(outside, -by, by)
+    narrow = np.abs(by) > np.maximum(above, below)
+    by = np.where(narrow, np.where(above >= below, above, -below), by)
+    return x + np.diag(by)
+
+
+def _changes(own: list[Equation], others: list[Equation]) -> list[dict[str, np.ndarray]] | None:
+    """Return how parameters and initial values of equations differ; None if anything else does."""
+    found = []
+    for one, other in zip(
+        (each.system for each in own), (each.system for each in others), strict=True
+    ):
+        same = (
+            [operator for operator, _ in one.left] == [operator for operator, _ in other.left]
+            and np.array_equal([c for _, c in one.left], [c for _, c in other.left])
+            and (one.compiled_rhs, one.compiled_jac) == (other.compiled_rhs, other.compiled_jac)
+            and one.frame == other.frame
+            and one.y0.shape == other.y0.shape
+            and one.params.size == other.params.size
+            and one.matrix is None is other.matrix
+        )
+        if not same:
+            return None
+        moved = other.y0 - one.y0
+        y0 = np.concatenate([moved[0, : one.n_solved], *moved[1:, : one.n_solved][:, one.second]])
+        found.append({"params": other.params - one.params, "y0": y0})
+    return found
 
 
 def _between(t: np.ndarray) -> np.ndarray:

@@ -210,16 +210,20 @@ def _kinds(wrt: Any, equation: Equation) -> tuple[str, ...]:
     kinds = tuple(wrt) if np.iterable(wrt) and not isinstance(wrt, str) else (wrt,)
     if not kinds or not all(isinstance(kind, str) and kind in _KINDS for kind in kinds):
         refuse("wrt", f"hold some of {', '.join(_KINDS)}", repr(wrt))
-    system = equation.system
-    rearranged = system.frame.paired or system.frame.speeds
-    if rearranged or system.callbacks:
+    if not has_tangents(equation):
         required = "be real and compiled, of orders up to 2, without matrices"
         refuse("equation", required, repr(equation), "or take differences")
     if "params" in kinds and equation.params.size == 0:
         refuse("wrt", "leave out params, which the equation has none of", kinds)
-    if "orders" in kinds and not system.constant:
+    if "orders" in kinds and not equation.system.constant:
         refuse("wrt", "leave out orders if they vary or if kernels are general", kinds)
     return kinds
+
+
+def has_tangents(equation: Equation) -> bool:
+    """Return whether derivatives by parameters and initial values can be solved for."""
+    system = equation.system
+    return not (system.frame.paired or system.frame.speeds or system.callbacks)
 
 
 def _by_orders(
