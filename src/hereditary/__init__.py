@@ -53,8 +53,9 @@ from .kernels.named_kernels import (
 )
 from .large.imex import IMEX
 from .memory_term import MemoryTerm, memory_term
-from .solver.solution import Solution, SolveWarning, StabilityWarning, Status
+from .solver.solution import Solution
 from .solver.solve import solve
+from .stepping.status import SolveWarning, StabilityWarning, Status
 
 __version__ = importlib.metadata.version("hereditary")
 

@@ -21,10 +21,9 @@ from .solver.opening import chooses_steps, how_to_step
 from .solver.output import room_for
 from .solver.progress import Interruption, ProgressBar
 from .solver.run import Drive, reached_end, report
-from .solver.solution import SolveWarning, StabilityWarning
 from .solver.solve import chosen_scheme, evaluation_times, run_end, solve
 from .stepping.scheme import Scheme
-from .stepping.status import Ending, Status
+from .stepping.status import Ending, SolveWarning, StabilityWarning, Status
 from .stepping.times import checked_breaks
 from .support.checks import count, real_array, refuse, refuse_masked, shown, whole
 from .support.machine import cores

@@ -95,3 +95,169 @@ def test_an_index_above_1_is_refused():
 def test_given_steps_refuse_rows_without_a_derivative():
     with pytest.raises(ValueError, match="none for component 1; solve algebraic rows with rtol="):
         hd.solve(linear(), 2.0, 100)
+
+
+def relaxing(t, y, p):
+    return np.array([p[0] - y[0] - y[1], y[0] - y[1]])
+
+
+def alone(t, y, p):
+    return p[0] - 2 * y[0]
+
+
+def pushed(t, y, p):
+    force = 0.5 if t >= 1.0 else 0.0
+    return np.array([p[0] - y[0] - y[1], y[0] - y[1] + force])
+
+
+def alone_pushed(t, y, p):
+    return p[0] - 2 * y[0] - (0.5 if t >= 1.0 else 0.0)
+
+
+def at_one(t, y):
+    return t - 1.0
+
+
+def lifted(t, y):
+    change = np.zeros(y.size)
+    change[0] = 1.0
+    return y + change
+
+
+at_one.change = lifted
+
+
+def level(t, y):
+    return y[0] - 0.7
+
+
+ALGEBRAIC = hd.Equation(FIRST * hd.Caputo(0.5), relaxing, [1.0, 1.0], params=[1.0])
+ALONE = hd.Equation(hd.Caputo(0.5), alone, 1.0, params=[1.0])
+TIGHT = {"rtol": 1e-9}
+
+
+def test_events_find_the_times_of_the_equation_without_the_row():
+    found, expected = (hd.solve(e, 2.0, events=level, **TIGHT) for e in (ALGEBRAIC, ALONE))
+    assert found.t_events[0] == pytest.approx(expected.t_events[0], abs=1e-8)
+
+
+def test_rows_hold_after_a_change_of_y():
+    times = [0.5, 1.0, 1.5, 2.0]
+    found, expected = (
+        hd.solve(e, 2.0, events=at_one, t_eval=times, **TIGHT) for e in (ALGEBRAIC, ALONE)
+    )
+    np.testing.assert_allclose(found.y, expected.y[:, [0, 0]], atol=1e-8)
+
+
+def test_rows_hold_after_a_jump_of_the_right_hand_side():
+    found = hd.solve(ALGEBRAIC.replace(rhs=pushed), 2.0, breaks=[1.0], **TIGHT)
+    expected = hd.solve(ALONE.replace(rhs=alone_pushed), 2.0, breaks=[1.0], **TIGHT)
+    end = expected.y[-1, 0]
+    assert found.y[-1] == pytest.approx([end, end + 0.5], abs=1e-8)
+    assert found(1.5)[1] - found(1.5)[0] == pytest.approx(0.5, abs=1e-8)
+
+
+def test_runs_resume_beside_rows():
+    first = hd.solve(ALGEBRAIC, 1.0, scheme=hd.Collocation(horizon=2.0), **TIGHT)
+    found = hd.solve(ALGEBRAIC, 2.0, resume=first.state)
+    expected = hd.solve(ALONE, 2.0, **TIGHT).y[-1, 0]
+    assert found.y[-1] == pytest.approx([expected] * 2, abs=1e-8)
+
+
+def test_members_of_an_ensemble_and_sensitivities():
+    members = hd.ensemble(ALGEBRAIC, 2.0, params=[[1.0], [2.0]], rtol=1e-8)
+    for m, p in enumerate([1.0, 2.0]):
+        expected = hd.solve(ALONE.replace(params=[p]), 2.0, **TIGHT).y[-1, 0]
+        assert members.y[m, -1] == pytest.approx([expected] * 2, abs=1e-7)
+    found, alone = (hd.sensitivities(e, 2.0, **TIGHT) for e in (ALGEBRAIC, ALONE))
+    assert found.by_params[-1, :, 0] == pytest.approx([alone.by_params[-1, 0, 0]] * 2, abs=1e-8)
+    assert found.by_y0[-1, :, 0] == pytest.approx([alone.by_y0[-1, 0, 0]] * 2, abs=1e-8)
+    assert not found.by_y0[-1, :, 1].any()
+
+
+def test_complex_components():
+    def turning(t, y):
+        return np.array([1j * y[0] - y[1], y[0] - y[1]])
+
+    equation = hd.Equation(FIRST * hd.Caputo(0.5), turning, [1.0 + 0j, 1.0])
+    found = hd.solve(equation, 2.0, **TIGHT)
+    expected = hd.solve(
+        hd.Equation(hd.Caputo(0.5), lambda t, y: (1j - 1) * y, 1 + 0j), 2.0, **TIGHT
+    )
+    assert found.y[-1] == pytest.approx(expected.y[-1, [0, 0]], abs=1e-8)
+    with pytest.raises(ValueError, match=r"the row of component 1, .* a residual of 0.5"):
+        hd.solve(equation.replace(y0=[1.0 + 0j, 0.5]), 2.0)
+
+
+@pytest.mark.parametrize("stated", [{}, {"bandwidth": (1, 1)}], ids=str)
+def test_many_components(stated):
+    def chain(t, y, dy, p):
+        for c in range(0, y.size, 2):
+            before = y[c - 2] if c > 0 else 1.0
+            dy[c] = p[0] - y[c] - y[c + 1]
+            dy[c + 1] = y[c] - y[c + 1] + 0.0 * before
+
+    orders = np.tile(FIRST, 10) * hd.Caputo(0.5)
+    equation = hd.Equation(orders, chain, np.ones(20), params=[1.0], **stated)
+    expected = hd.solve(ALONE, 2.0, **TIGHT).y[-1, 0]
+    assert hd.solve(equation, 2.0, **TIGHT).y[-1] == pytest.approx([expected] * 20, abs=1e-8)
+
+
+def test_a_given_jacobian():
+    def jac(t, y, p):
+        return np.array([[-1.0, -1.0], [1.0, -1.0]])
+
+    found = hd.solve(ALGEBRAIC.replace(jac=jac), 2.0, **TIGHT)
+    assert found.y[-1] == pytest.approx([0.594410641301969] * 2, abs=1e-8)
+
+
+KERNELS = hd.Prony([1.0], [0.5]), hd.TemperedPowerLaw(0.5, 1.0)
+
+
+@pytest.mark.parametrize(
+    ("order", "derivative"), [(0.8, 0), (0.8, 1), (1.8, 0), (1.8, 1), (1.8, 2)]
+)
+@pytest.mark.parametrize("kernel", KERNELS, ids=repr)
+def test_kernels_that_are_read_with_derivatives(kernel, order, derivative):
+    """The same term on the left-hand side, with the other sign, gives the same solution."""
+    y0, operator = [1.0, 0.3][: math.ceil(order)], hd.Memory(kernel, derivative)
+    reads = hd.Equation(hd.Caputo(order), lambda t, y, m: -y - 0.4 * m[0], y0, memory=operator)
+    holds = hd.Equation(hd.Caputo(order) + 0.4 * operator, lambda t, y: -y, y0)
+    expected = hd.solve(holds, 5.0, **TIGHT).y[-1]
+    found = hd.solve(reads, 5.0, rtol=1e-6)
+    assert found.y[-1] == pytest.approx(expected, abs=1e-6)
+    assert found.stats["n_steps"] < 300
+
+
+def test_a_derivative_is_not_convolved_where_there_is_none():
+    memory = hd.Memory(hd.Prony([1.0], [0.5]), 1)
+    eq = hd.Equation(0 * hd.Caputo(1), lambda t, y, m: np.cos(t) - y - m[0], 1.0, memory=memory)
+    with pytest.raises(ValueError, match=r"memory must convolve y of component 0.*left-hand side"):
+        hd.solve(eq, 2.0)
+
+
+@pytest.mark.parametrize("how", [TIGHT, {"n_steps": 2000, "scheme": hd.L1()}], ids=str)
+def test_kernels_behind_matrices(how):
+    """Sum and difference of two components are equations of their own."""
+    mass, coupling = np.array([[1.0, 0.3], [0.3, 1.0]]), np.array([[0.5, -0.2], [-0.2, 0.5]])
+    kernel = hd.Memory(hd.Prony([1.0], [1.0]), 0)
+    pair = hd.Equation(mass * hd.Caputo(0.8) + coupling * kernel, lambda t, y: -y, [1.0, 0.2])
+    found = hd.solve(pair, 3.0, **how).y[-1]
+    for sign in (1, -1):
+        terms = (1 + sign * 0.3) * hd.Caputo(0.8) + (0.5 - sign * 0.2) * kernel
+        alone = hd.Equation(terms, lambda t, y: -y, 1.0 + sign * 0.2)
+        expected = hd.solve(alone, 3.0, **TIGHT).y[-1, 0]
+        allowed = 1e-8 if "rtol" in how else 2e-3
+        assert found[0] + sign * found[1] == pytest.approx(expected, abs=allowed)
+
+
+def test_coefficients_next_to_0_are_named_where_the_start_contradicts_them():
+    tiny = hd.Equation([1.0, 1e-20] * hd.Caputo(0.5), relaxing, [1.0, 1.0], params=[1.0])
+    assert hd.solve(tiny, 2.0, **TIGHT).success
+    with pytest.warns(hd.SolveWarning, match=r"component 1 are at most 1e-20, .* write 0"):
+        hd.solve(tiny.replace(y0=[1.0, 0.5]), 2.0, **TIGHT)
+
+
+def test_exponents_refuse_rows_without_a_derivative():
+    with pytest.raises(ValueError, match="equation must have a derivative of every component"):
+        hd.lyapunov(ALGEBRAIC, 10.0, rtol=1e-6)

@@ -318,6 +318,9 @@ def _run(
     if chooses_steps(scheme) and mode != "tangent":
         remedy = "take a scheme of given steps, e.g. Adams() or BDF(2)"
         refuse("mode", 'be "tangent" with Collocation', repr(mode), remedy)
+    if equation.system.algebraic.any():
+        required = "have a derivative of every component for exponents"
+        refuse("equation", required, repr(equation), "solve rows without one in rhs")
     system, most = marched(equation.system, scheme), n_data(equation.system)
     if history is None and not chooses_steps(scheme):
         history = SumOfExponentials()

@@ -8,7 +8,9 @@ their unknowns: the Jacobian with respect to these is regular.
 import numpy as np
 
 from ..compiled.jacobian import LEAST
+from ..stepping.status import SolveWarning
 from ..support.checks import refuse
+from ..support.warning import warn
 
 # Iterations of Newton's method for consistent values.
 _SWEEPS = 50
@@ -18,6 +20,8 @@ _GOAL = 1e-13
 _RANK = 1e-9
 # Relative distance from y(0) at which a singular Jacobian is evaluated again.
 _BESIDE = 0.01
+# Coefficients below this fraction of those of other components may stand for 0.
+_NEXT_TO_0 = 1e-15
 
 
 def _unknowns(system):
@@ -61,7 +65,12 @@ def _regular(matrix):
 
 
 def check_start(system, rtol, atol):
-    """Refuse algebraic rows that determine no unknown, and initial values that contradict them."""
+    """Refuse algebraic rows that determine no unknown, and initial values that contradict them.
+
+    Warn if these contradict rows whose coefficients are next to 0.
+    """
+    if system.d > 1:
+        _name_tiny(system, rtol)
     rows, columns = _unknowns(system)
     if rows.size == 0:
         return
@@ -92,6 +101,27 @@ def check_start(system, rtol, atol):
         values = ", ".join(f"y0[0, {j // pairs}] = {found[j]:.15g}" for j in wrong[:3])
         remedy = f"they are consistent with {values}"
     refuse("y0", required, got, "" if pairs == 2 else remedy)
+
+
+def _name_tiny(system, rtol):
+    """Warn of a row with coefficients next to 0 that the initial values do not satisfy."""
+    d, x, t = system.n_solved, system.at_start, system.beside(0.0, 1)
+    largest = np.max([np.abs(coefficients[:d]) for _, coefficients in system.left], axis=0)
+    tiny = np.flatnonzero((largest > 0) & (largest < _NEXT_TO_0 * largest.max()))
+    if tiny.size == 0:
+        return
+    force = system.force(t, x)[tiny]
+    with np.errstate(all="ignore"):
+        noise = rtol * (np.abs(_jacobian(system, t, x, tiny)) @ np.abs(x))
+    wrong = np.abs(force) > noise + LEAST
+    if wrong.any():
+        c, residual = tiny[wrong][0], force[wrong][0]
+        warn(
+            f"the coefficients of component {c // (2 if system.frame.paired else 1)} are at most "
+            f"{largest[c]:.3g}, and its row has a residual of {residual:.3g} at the start: if they "
+            "stand for 0, write 0, so that the initial values are checked",
+            SolveWarning,
+        )
 
 
 def _check_index(system, t, x, rows, columns):

@@ -127,16 +127,17 @@ class ReadingPiece(Piece):
 
     def evaluate(self, t, second, derivative):
         """Return y, or y' for ``derivative=1``, at times t inside the steps, (k, d)."""
-        found = self._columns(t, second, derivative)[..., : self.speeds.size].reshape(len(t), -1)
+        shape = len(t), second.size
+        found = self._columns(t, second, derivative)[..., : self.speeds.size].reshape(shape)
         if not derivative or not second.any():
             return found
-        speeds = self._columns(t, second, 0)[..., self.speeds].reshape(len(t), -1)
-        return np.where(second, speeds, found)
+        return np.where(second, self._columns(t, second, 0)[..., self.speeds].reshape(shape), found)
 
     def _columns(self, t, second, derivative):
         """Return all components of the orbit and of each tangent that is kept, (k, columns, n)."""
         found = self.inner.evaluate(t, np.zeros(1, dtype=bool), derivative)
-        return found.reshape(len(t), second.size // self.speeds.size, -1)
+        columns = second.size // self.speeds.size
+        return found.reshape(len(t), columns, found.shape[1] // columns)
 
 
 class Reduced(NamedTuple):
@@ -237,29 +238,45 @@ class _Reduction:
         return self._places[j, gamma]
 
     def _convolution(self, j, operator):
-        """Return the component m that is the convolution of a kernel with w = y_j, or w = y_j'.
+        """Return the component m that is the convolution of a kernel with y_j or its derivative.
 
-        The balance of m and the convolution is the row of w. The row of m is algebraic, w = y_j. If
-        y_j has an algebraic row itself, w is y_j, and its row becomes that of m.
+        The balance of m and the convolution is the row of w, which equals what is convolved. The
+        row of m is this equality, and algebraic. If y_j has an algebraic row itself, w is y_j, and
+        its row becomes that of m. The convolution with a derivative x' is ``m = z'``, where z is
+        that with x - x(0), which solves an equation of its own to be known in relative terms.
         """
         if (j, operator) in self._places:
             return self._places[j, operator]
         if in_stages(operator):
             place = self._places[j, operator] = self._delayed(j, operator.kernel)
             return place
-        place = self._places[j, operator] = self._add(0.0, j, -1.0 - len(self._starts))
-        if self._rows.get(j) == j and operator.derivative < 2:
+        place = self._places[j, operator] = self._add_own(j)
+        derived = operator.derivative > 0
+        source = int(self._speeds[j]) if derived and self._leading[j] > 1 else j
+        if operator.derivative - (source != j) == 1:
+            if self._leading[j] == 0:
+                required = f"convolve y of component {j}, which has no derivative, and not y'"
+                refuse("memory", required, f"{operator}", "state the term on the left-hand side")
+            moved = self._add_own(j)
+            self._derive(moved, self._leading[j] - (source != j), None, j)
+            carrier, total = self._add(0.0, *self._roles[moved]), self._add_own(j)
+            self._terms.append((ConstantOrder(1.0), total, 1.0))
+            self._own += [(place, moved, 1.0), (place, carrier, -1.0)]
+            self._own += [(total, place, 1.0), (carrier, total, 1.0)]
+        elif self._rows.get(source) == source:
             self._rows[j] = place
             carrier = j
+            self._own.append((carrier, place, 1.0))
         else:
-            source = int(self._speeds[j]) if operator.derivative == 2 else j
             carrier = self._add(self._starts[source], *self._roles[source])
-            self._own += [(place, source, 1.0), (place, carrier, -1.0)]
+            self._own += [(place, source, 1.0), (place, carrier, -1.0), (carrier, place, 1.0)]
             self._copies.append((carrier, source))
-            operator = KernelOperator(operator.kernel, min(operator.derivative, 1))
-        self._terms.append((operator, carrier, 1.0))
-        self._own.append((carrier, place, 1.0))
+        self._terms.append((KernelOperator(operator.kernel, 0), carrier, 1.0))
         return place
+
+    def _add_own(self, j):
+        """Add a component with a quantity of its own; return its number."""
+        return self._add(0.0, j, -1.0 - len(self._starts))
 
     def _delayed(self, j, kernel):
         """Return the component m that is the convolution of a gamma density with y_j.
@@ -273,7 +290,7 @@ class _Reduction:
             tempered = KernelOperator(TemperedPowerLaw(1 - rest, kernel.rate), 0)
             before, factor = self._place(j, tempered), kernel.rate**rest * rgamma(rest)
         for _ in range(n):
-            place = self._add(0.0, j, -1.0 - len(self._starts))
+            place = self._add_own(j)
             self._terms.append((ConstantOrder(1.0), place, 1.0))
             self._own += [(place, before, kernel.rate * factor), (place, place, -kernel.rate)]
             before, factor = place, 1.0

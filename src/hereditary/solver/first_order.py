@@ -9,9 +9,9 @@ import numpy as np
 
 from ..given.fixed_stepper import FixedStepper
 from ..given.steps import UniformSteps
-from ..stepping.status import Status
+from ..stepping.status import SolveWarning, Status
 from ..support.warning import ThreadSwitch, silence, warn
-from .solution import Solution, SolveWarning
+from .solution import Solution
 
 
 class _Companions(NamedTuple):

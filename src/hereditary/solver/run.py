@@ -12,12 +12,12 @@ import numpy as np
 from ..compiled.callbacks import PythonRaised, pass_on
 from ..compiled.jacobian import FEW
 from ..stepping.state import State
-from ..stepping.status import Ending, Status
+from ..stepping.status import Ending, SolveWarning, Status
 from ..stepping.stepper import ResumableStepper, Stepper
 from ..support.warning import warn
 from .output import Output
 from .progress import Interruption, ProgressBar
-from .solution import Solution, SolveWarning, warn_of
+from .solution import Solution, warn_of
 
 # Bytes of a history that a solution may hold on to besides its state.
 _LITTLE = 100_000

@@ -14,20 +14,11 @@ from numpy.typing import ArrayLike
 
 from ..stepping.dense import Dense, curve
 from ..stepping.state import State
-from ..stepping.status import Status
+from ..stepping.status import SolveWarning, StabilityWarning, Status
 from ..support.checks import complaint, one_of, refuse, shown
 from ..support.html import paragraph, small_figure, table_html
 from ..support.optional import optional
 from ..support.warning import warn
-
-
-class SolveWarning(UserWarning):
-    """A run ended early, or was unstable, or its kernel is inaccurate: see its message."""
-
-
-class StabilityWarning(SolveWarning):
-    """The step is beyond the scheme's stability limit, or the solution zigzags."""
-
 
 _SAVED = "be a solution that Solution.save wrote"
 # Fields that are kept as arrays.

@@ -65,6 +65,14 @@ class Status(enum.StrEnum):
     )
 
 
+class SolveWarning(UserWarning):
+    """A run ended early, or was unstable, or its kernel is inaccurate: see its message."""
+
+
+class StabilityWarning(SolveWarning):
+    """The step is beyond the scheme's stability limit, or the solution zigzags."""
+
+
 class Ending(NamedTuple):
     """End of a march or a run: its status, a clause for its message, and what was raised."""
 
