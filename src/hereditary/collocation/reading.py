@@ -243,7 +243,7 @@ class _Reduction:
         The balance of m and the convolution is the row of w, which equals what is convolved. The
         row of m is this equality, and algebraic. If y_j has an algebraic row itself, w is y_j, and
         its row becomes that of m. The convolution with a derivative x' is ``m = z'``, where z is
-        that with x - x(0), which solves an equation of its own to be known in relative terms.
+        that with x - x(0). This solves an equation of its own, to be known in relative terms.
         """
         if (j, operator) in self._places:
             return self._places[j, operator]
