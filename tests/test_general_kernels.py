@@ -13,6 +13,7 @@ from hypothesis import strategies as st
 import hereditary as hd
 from hereditary import (
     DistributedOrder,
+    GammaDensity,
     Kernel,
     MemoryKernel,
     MittagLeffler,
@@ -268,6 +269,7 @@ FAMILIES = st.one_of(
     st.builds(TemperedPowerLaw, st.floats(0.01, 0.99), st.floats(0.0, 10.0)),
     st.builds(MittagLeffler, st.floats(0.05, 1.0), st.floats(0.1, 10.0)),
     st.builds(StretchedExponential, st.floats(0.05, 1.0), st.floats(0.1, 10.0)),
+    st.builds(GammaDensity, st.floats(0.01, 1.0), st.floats(0.1, 10.0)),
     st.builds(lambda a, w: DistributedOrder([a, 0.0], [w, 1.0]), st.floats(0.01, 0.99), st.just(2)),
 )
 

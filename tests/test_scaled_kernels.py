@@ -17,6 +17,7 @@ KERNELS = [
     hd.Prony([1.0, 10.0], [0.3, 0.7]),
     hd.MittagLeffler(0.5, 1.0),
     hd.StretchedExponential(0.5, 1.0),
+    hd.GammaDensity(0.6, 2.0),
     hd.DistributedOrder([0.2, 0.9], [1.0, 2.0]),
     hd.Kernel(lambda t: 1 / np.sqrt(t * (1 + t))),
     hd.Kernel.from_table(TABLE, TABLE**-0.5 * np.exp(-TABLE)),

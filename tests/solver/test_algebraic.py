@@ -2,8 +2,11 @@
 
 import math
 
+import mpmath
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 import hereditary as hd
 
@@ -261,3 +264,16 @@ def test_coefficients_next_to_0_are_named_where_the_start_contradicts_them():
 def test_exponents_refuse_rows_without_a_derivative():
     with pytest.raises(ValueError, match="equation must have a derivative of every component"):
         hd.lyapunov(ALGEBRAIC, 10.0, rtol=1e-6)
+
+
+@settings(max_examples=10)
+@given(st.floats(0.2, 6.0), st.floats(0.3, 3.0))
+def test_delays_with_gamma_densities_by_laplace(shape, rate):
+    memory = hd.Memory(hd.GammaDensity(shape, rate), 0)
+    late = hd.Equation(hd.Caputo(1), lambda t, y, memory: -memory[0], 1.0, memory=memory)
+    found = hd.solve(late, 3.0, rtol=1e-9).y[-1, 0]
+    with mpmath.workdps(25):
+        exact = mpmath.invertlaplace(
+            lambda s: 1 / (s + (1 + s / rate) ** -shape), 3, method="talbot"
+        )
+    assert found == pytest.approx(float(exact), abs=1e-8)
