@@ -276,3 +276,34 @@ def test_parameters_and_initial_values_share_a_run_with_tangents(power):
     assert few.n_runs < many.n_runs / 2
     assert few.parameters == pytest.approx(many.parameters, rel=1e-4)
     assert few.standard_errors == pytest.approx(many.standard_errors, rel=1e-3)
+
+
+def free(t, y):
+    return np.array([-y[0] * y[1], y[0] - y[1]])
+
+
+def test_initial_values_of_an_equation_without_parameters():
+    def started(u, v):
+        return hd.Equation(hd.Caputo(0.9), free, [u, v])
+
+    t = np.linspace(0.1, 3.0, 20)
+    data = hd.solve(started(1.0, 0.5), 3.0, t_eval=t, rtol=1e-10).y
+    found = hd.fit(started, t, data, {"u": 0.8, "v": 0.7})
+    assert found.parameters == pytest.approx({"u": 1.0, "v": 0.5}, abs=1e-6)
+    assert found.n_runs < 20
+
+
+def test_parameters_of_several_series():
+    """One is shared, one is the initial value of each, and an order takes runs of its own."""
+
+    def both(alpha, rate, first, second):
+        return [hd.Equation(hd.Caputo(alpha), decay, y0, params=[rate]) for y0 in (first, second)]
+
+    t = np.linspace(0.1, 5.0, 30)
+    data = [y0 * measured(t=t) for y0 in (1.0, 3.0)]
+    guess = {"alpha": 0.9, "rate": 1.0, "first": 1.2, "second": 2.0}
+    found = hd.fit(both, [t, t], data, guess, bounds={"alpha": (0.1, 1.0)})
+    true = {"alpha": 0.7, "rate": 1.5, "first": 1.0, "second": 3.0}
+    assert found.parameters == pytest.approx(true, abs=1e-6)
+    many = hd.fit(both, [t, t], data, guess, bounds={"alpha": (0.1, 1.0)}, max_steps=10_000)
+    assert found.n_runs < 0.8 * many.n_runs

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..equation.equation import Equation
+from ..equation.system import System
 from ..solver.opening import chooses_steps
 from ..solver.solution import Solution
 from ..solver.solve import chosen_scheme, solve
@@ -384,13 +385,13 @@ class _Runs:
         if len(near) < _ENOUGH or not possible:
             return {}
         self.count += 1
-        parts = {kind for changes in near.values() for change in changes for kind in change}
         how = {name: value for name, value in self._how.items() if name != "estimate"}
-        with silence():
-            found = [
-                sensitivities(equation, float(one.t[-1]), t_eval=one.t, wrt=sorted(parts), **how)
-                for equation, one in zip(own, self._series, strict=True)
-            ]
+        found = []
+        for k, (equation, one) in enumerate(zip(own, self._series, strict=True)):
+            kinds = sorted({kind for changes in near.values() for kind in changes[k]}) or "y0"
+            with silence():
+                run = sensitivities(equation, float(one.t[-1]), t_eval=one.t, wrt=kinds, **how)
+            found.append(run)
         if not all(each.success for each in found):
             return {}
         return {
@@ -458,27 +459,34 @@ def _moved(x: np.ndarray, low: np.ndarray, high: np.ndarray) -> np.ndarray:
     return x + np.diag(by)
 
 
-def _changes(own: list[Equation], others: list[Equation]) -> list[dict[str, np.ndarray]] | None:
-    """Return how parameters and initial values of equations differ; None if anything else does."""
+def _changes(own: list[Equation], others: list[Equation]) -> list[dict[str, np.ndarray]]:
+    """Return how equations differ in parameters and initial values, "params" and "y0" of each.
+
+    A part without a difference is left out. The list is empty if anything else differs.
+    """
     found = []
-    for one, other in zip(
-        (each.system for each in own), (each.system for each in others), strict=True
-    ):
-        same = (
-            [operator for operator, _ in one.left] == [operator for operator, _ in other.left]
-            and np.array_equal([c for _, c in one.left], [c for _, c in other.left])
-            and (one.compiled_rhs, one.compiled_jac) == (other.compiled_rhs, other.compiled_jac)
-            and one.frame == other.frame
-            and one.y0.shape == other.y0.shape
-            and one.params.size == other.params.size
-            and one.matrix is None is other.matrix
-        )
-        if not same:
-            return None
-        moved = other.y0 - one.y0
-        y0 = np.concatenate([moved[0, : one.n_solved], *moved[1:, : one.n_solved][:, one.second]])
-        found.append({"params": other.params - one.params, "y0": y0})
+    for one, other in zip(own, others, strict=True):
+        before, after = one.system, other.system
+        if not _differ_in_data_alone(before, after):
+            return []
+        moved = (after.y0 - before.y0)[:, : before.n_solved]
+        y0 = np.concatenate([moved[0], *moved[1:, before.second]])
+        parts = {"params": after.params - before.params, "y0": y0}
+        found.append({kind: by for kind, by in parts.items() if by.any()})
     return found
+
+
+def _differ_in_data_alone(one: System, other: System) -> bool:
+    """Return whether two systems differ in parameters and initial values alone."""
+    return (
+        [operator for operator, _ in one.left] == [operator for operator, _ in other.left]
+        and np.array_equal([c for _, c in one.left], [c for _, c in other.left])
+        and np.array_equal(one.sources, other.sources)
+        and (one.compiled_rhs, one.compiled_jac) == (other.compiled_rhs, other.compiled_jac)
+        and (one.frame, one.y0.shape) == (other.frame, other.y0.shape)
+        and one.params.size == other.params.size
+        and one.matrix is None is other.matrix
+    )
 
 
 def _between(t: np.ndarray) -> np.ndarray:
