@@ -277,3 +277,87 @@ def test_delays_with_gamma_densities_by_laplace(shape, rate):
             lambda s: 1 / (s + (1 + s / rate) ** -shape), 3, method="talbot"
         )
     assert found == pytest.approx(float(exact), abs=1e-8)
+
+
+def test_changes_are_refused_beside_matrices_with_rows_of_zeros():
+    """What the derivative acts on would have to change too."""
+    with pytest.raises(ValueError, match="change no y where the matrix in front of a derivative"):
+        hd.solve(circuit(), 2.0, changes={1.0: lambda t, v: v + 1.0})
+
+
+def cubic(t, y, memory):
+    return memory[0] ** 3 + memory[0] + y - np.sin(t)
+
+
+@pytest.mark.parametrize("start", [0.0, 1.0])
+def test_rows_that_are_implicit_in_a_derivative(start):
+    """With a break, too, and beginning with a derivative other than 0; by Cardano's formula."""
+
+    def slope(t, y):
+        half = (np.sin(t) - y) / 2
+        root = np.sqrt(half * half + 1 / 27)
+        return np.cbrt(half + root) + np.cbrt(half - root)
+
+    implicit = hd.Equation(0 * hd.Caputo(0.6), cubic, start, memory=hd.Caputo(0.6))
+    expected = hd.solve(hd.Equation(hd.Caputo(0.6), slope, start), 5.0, **TIGHT).y[-1]
+    for breaks in ([], [1.0]):
+        found = hd.solve(implicit, 5.0, breaks=breaks, **TIGHT)
+        assert found.y[-1] == pytest.approx(expected, abs=1e-8)
+    lifts = {"changes": {1.0: lambda t, y: y + 0.5}}
+    found, expected = (
+        hd.solve(e, 5.0, **TIGHT, **lifts)
+        for e in (implicit, hd.Equation(hd.Caputo(0.6), slope, start))
+    )
+    assert found.y[-1] == pytest.approx(expected.y[-1], abs=1e-8)
+
+
+@pytest.mark.parametrize("order", [0.6, 1.0, 1.5, 2.0])
+def test_a_derivative_that_a_row_determines_begins_anywhere(order):
+    y0 = [1.0, 0.3][: math.ceil(order)]
+    row = hd.Equation(0 * hd.Caputo(order), lambda t, y, m: m[0] + y, y0, memory=hd.Caputo(order))
+    expected = hd.solve(hd.Equation(hd.Caputo(order), lambda t, y: -y, y0), 2.0, **TIGHT)
+    assert hd.solve(row, 2.0, rtol=1e-6).y[-1] == pytest.approx(expected.y[-1], abs=1e-6)
+
+
+def waves(t, y):
+    return np.array([0.0 * y[0], np.cos(3 * t) - y[1]])
+
+
+@pytest.mark.parametrize("coefficients", [FIRST, 0.0 * FIRST], ids=["one at rest", "none"])
+def test_rows_that_follow_the_time_alone(coefficients):
+    """A first step over which the other component rests must not be taken back."""
+    rhs = waves if coefficients.any() else (lambda t, y: np.cos(3 * t) - y)
+    found = hd.solve(hd.Equation(coefficients * hd.Caputo(0.5), rhs, [1.0, 1.0]), 20.0, rtol=1e-6)
+    assert found.success
+    times = np.linspace(0.0, 20.0, 300)
+    assert found(times)[:, 1] == pytest.approx(np.cos(3 * times), abs=1e-6)
+
+
+def test_a_changed_row_may_go_on_from_a_state():
+    first = hd.solve(ALGEBRAIC, 1.0, scheme=hd.Collocation(horizon=2.0), **TIGHT)
+    other = ALGEBRAIC.replace(rhs=pushed)
+    found = hd.solve(other, 2.0, resume=first.state, allow_change=True)
+    expected = hd.solve(other, 2.0, breaks=[1.0], **TIGHT)
+    assert found.y[-1] == pytest.approx(expected.y[-1], abs=1e-8)
+    with pytest.raises(ValueError, match="same right-hand side"):
+        hd.solve(other, 2.0, resume=first.state)
+
+
+def test_a_row_that_begins_like_a_root_of_t():
+    def rooted(t, y):
+        return np.array([y[1] - y[0], np.sqrt(t) - y[1]])
+
+    found = hd.solve(hd.Equation(FIRST * hd.Caputo(0.5), rooted, [0.0, 0.0]), 1.0, rtol=1e-6)
+    alone = hd.Equation(hd.Caputo(0.5), lambda t, y: np.sqrt(t) - y, 0.0)
+    assert found.y[-1, 0] == pytest.approx(hd.solve(alone, 1.0, **TIGHT).y[-1, 0], abs=1e-6)
+
+
+def test_sensitivities_at_the_start_satisfy_the_rows():
+    def squared(t, y, p):
+        return np.array([p[1] * y[1] - y[0], p[0] * y[0] ** 2 - y[1]])
+
+    eq = hd.Equation(FIRST * hd.Caputo(0.5), squared, [1.0, 1.0], params=[1.0, 0.3])
+    found = hd.sensitivities(eq, 2.0, rtol=1e-8, t_eval=[0.0, 1e-12])
+    assert found.by_params[0, 1] == pytest.approx([1.0, 0.0], abs=1e-8)
+    assert found.by_y0[0, 1] == pytest.approx([2.0, 0.0], abs=1e-8)
+    assert found.by_params[1] == pytest.approx(found.by_params[0], abs=1e-4)

@@ -17,7 +17,7 @@ from ..stepping.status import NOT_FINITE, Ending, Status, failed
 from ..stepping.stepper import Health, JumpingStepper, ResumableStepper, TangentStepper
 from ..stepping.times import breaks_ahead
 from ..support.checks import refuse
-from .algebraic import check_start, settled
+from .algebraic import settled
 from .equations import integral_form
 from .error_estimate import SMALL, raise_small_once
 from .first_rule import convolutions, first_rule
@@ -286,6 +286,11 @@ class Tolerance(NamedTuple):
     most: int = MAX_STEPS
 
 
+def _rests(values):
+    """Return whether f is 0 and p constant at the nodes of a step; values (n_q, d, s)."""
+    return not values[FORCE].any() and not np.ptp(values[PRIMARY], axis=1).any()
+
+
 class AdaptiveStepper(ResumableStepper, TangentStepper, JumpingStepper):
     """March of one equation by collocation, with steps chosen by the tolerance.
 
@@ -310,7 +315,6 @@ class AdaptiveStepper(ResumableStepper, TangentStepper, JumpingStepper):
         marched = view.system
         refuse_late(system, t_end)
         rtol, atol, modes_tol, *limits = tolerance
-        check_start(system, rtol, atol)
         self._tolerances, self.step_limits, self._rows = (rtol, atol), StepLimits(*limits), _ROWS
         by_component = marched.spread(0.0 if atol is None else system.frame.doubled(atol))
         by_size = OF_SIZE * rtol if atol is None else 0.0
@@ -484,11 +488,11 @@ class AdaptiveStepper(ResumableStepper, TangentStepper, JumpingStepper):
         self._ending, self._error = None, None
 
     def _settle(self):
-        """Give components without memory the values that their algebraic rows ask for."""
+        """Give the unknowns of algebraic rows the values that these ask for."""
         if self.t > 0 and self.system.algebraic.any():
-            x, d = self._view.seen(self._orbit.x[0]), self.system.n_solved
+            x = self._view.seen(self._orbit.x[0])
             found = settled(self.system, self.system.beside(self.t, 1), x)
-            self._orbit.shift(self._view.widened(found[:d] - x[:d]))
+            self._orbit.shift(self._view.widened(found - x))
 
     def _singular_step(self, t_stop):
         """Make the step of a singular start; return its dense output, or None and set `_ending`."""
@@ -504,7 +508,7 @@ class AdaptiveStepper(ResumableStepper, TangentStepper, JumpingStepper):
             # no tiny remainder is left before the stop
             h = min(h, 0.5 * left) if h < left else h
             steps, values = self._try_step(h, variable, t_stop)
-            if values is not None and h > at_rest and not values[0, FORCE].any():
+            if values is not None and h > at_rest and _rests(values[0]):
                 continue
             if values is not None:
                 self._largest_error = max(self._largest_error, float(steps.errors[0]))
@@ -742,6 +746,9 @@ class AdaptiveStepper(ResumableStepper, TangentStepper, JumpingStepper):
         if self._form.solves_slopes:
             required = "change or switch nothing where a component's highest order varies or is a "
             refuse(moving, required + "kernel's", kinds)
+        if of_y and self.system.frame.speeds and self.system.algebraic.any():
+            required = "change no y where the matrix in front of a derivative has rows of zeros"
+            refuse(moving, required, kinds, "state coefficients of shape (d,)")
         if of_y and any(operator.from_zero for operator, _ in self.system.left):
             required = "change no y beside RiemannLiouville, which takes jumps for derivatives"
             refuse(moving, required, kinds)

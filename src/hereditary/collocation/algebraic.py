@@ -80,7 +80,8 @@ def check_start(system, rtol, atol):
     y, d = system.y0[0], system.n_solved
     with np.errstate(all="ignore"):
         noise = rtol * (np.abs(_jacobian(system, t, x, rows)) @ np.abs(x))
-    if np.all(np.abs(force) <= noise + LEAST):
+        at_once = np.minimum(np.abs(force), np.abs(system.force(0.0, x)[rows]))
+    if np.all(at_once <= noise + LEAST):
         return
     found = _solve(system, t, x, rows, columns)
     own = rows[rows == columns]
@@ -141,11 +142,20 @@ def _check_index(system, t, x, rows, columns):
 
 
 def settled(system, t, x):
-    """Return what f reads, x (d,), with consistent values of components without memory.
+    """Return what f reads, x (d,), with consistent values of the unknowns of algebraic rows.
 
     Where Newton's method does not converge the values stay, and the next step finds its own.
     """
-    rows, columns = _unknowns(system)
-    own = rows == columns
-    found = _solve(system, t, x, rows[own], columns[own])
+    found = _solve(system, t, x, *_unknowns(system))
     return x if found is None else found
+
+
+def derivatives_at_start(system):
+    """Return the highest derivatives that algebraic rows determine, at the start, by component."""
+    rows, columns = _unknowns(system)
+    found = _solve(system, system.beside(0.0, 1), system.at_start, rows, columns)
+    if found is None:
+        return {}
+    factors = np.sum([coefficients for _, coefficients in system.left], axis=0)
+    derived = columns[columns != rows]
+    return {int(system.sources[c]): float(found[c] / factors[c]) for c in derived}

@@ -264,7 +264,7 @@ def _form_of(system):
         increments += [1 - kernel.singular_exponent, *kernel.generators]
     return Form(
         records(listed, TERM),
-        np.array([row.offset for row in rows]),
+        np.array([row.offset for row in rows], dtype=np.int64),
         np.array(orders),
         second.astype(np.int64),
         _generators(tuple(increments)),

@@ -5,6 +5,7 @@ import numpy as np
 from ..stepping.state import go_on_from
 from ..support.checks import count, left_out, positive, real_array, refuse, shown, within
 from .adaptive_stepper import MAX_STEPS, AdaptiveStepper, Tolerance
+from .algebraic import check_start
 
 # Below this the rounding of double precision, not the scheme, decides.
 TOLERANCE_FLOOR = 1e-12
@@ -56,6 +57,8 @@ def _check_end(t_end, system):
 
 def open_adaptive(system, scheme, how, t_end, state, allow_change, directions):
     """Return an `AdaptiveStepper` at the start of a run, or at a state, and t_end."""
+    if state is None:
+        check_start(system, how.rtol, how.atol)
     stepper = AdaptiveStepper(system, scheme, t_end, how, directions)
     if state is not None and stepper.modes_tol != state.how.modes:
         required = f"be left out or ask for modes as the state has them, to {state.how.modes:g}"

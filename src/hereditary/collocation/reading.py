@@ -30,6 +30,7 @@ from ..equation.terms import ConstantOrder, KernelOperator
 from ..kernels.named_kernels import GammaDensity, TemperedPowerLaw
 from ..stepping.dense import Piece
 from ..support.checks import refuse
+from .algebraic import derivatives_at_start
 
 
 class Plain:
@@ -59,7 +60,7 @@ class Plain:
         return piece
 
     def widened(self, change):
-        """Return a change of y, (d,), as one of all components of the system."""
+        """Return a change of y, (d,), or of all that f reads, as one of all components."""
         return change
 
     def seen(self, x):
@@ -93,10 +94,13 @@ class Reading(Plain):
         return ReadingPiece(piece, self._speeds)
 
     def widened(self, change):
-        """Return a change of y, (d,), as one of all components of the system."""
-        found = np.pad(change, (0, self.system.d - self._d))
+        """Return a change of y, (d,), or of all that f reads, (n,), as one of all components."""
+        found = np.pad(change[: self._d], (0, self.system.d - self._d))
         for copy, source in self._copies:
             found[copy] = found[source]
+        for row, place, factor in self._read[self._d :]:
+            if row < change.size and change[row] != 0:
+                found[place] += change[row] / factor
         return found
 
     def seen(self, x):
@@ -193,12 +197,12 @@ class _Reduction:
             self._places[j, 1.0] = self._add(float(system.y0[1, j]), j, 1.0)
         # the row of F_j, where it is algebraic
         self._rows = dict.fromkeys(np.flatnonzero(self._bare).tolist(), -1)
+        starts = derivatives_at_start(system) if self._rows else {}
         for j in self._rows:
             self._rows[j] = j
             if self._leading[j] > 0:
-                self._rows[j] = self._places[j, self._leading[j]] = self._add(
-                    0.0, j, self._leading[j]
-                )
+                place = self._add(starts.get(j, 0.0), j, self._leading[j])
+                self._rows[j] = self._places[j, self._leading[j]] = place
         for j, order in enumerate(self._leading.tolist()):
             if order > 1:
                 self._derive(j, 1.0, int(self._speeds[j]), j)
