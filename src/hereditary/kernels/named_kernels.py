@@ -142,7 +142,8 @@ class GammaDensity(MemoryKernel):
 
     It is the density of delays whose mean is shape / rate. With `rtol=` no fit is needed where it
     acts on y itself. The density of shape n + b is n exponential ones after that of shape b < 1.
-    Elsewhere one of shape above 1 is fitted with weights of both signs, which takes seconds.
+    With b between 0 and 0.01 such a run ends as `step_too_small`. Elsewhere one of shape above 1 is
+    fitted with weights of both signs, which takes seconds.
 
     Parameters
     ----------
