@@ -37,7 +37,7 @@ GALLERY = (
 
 # Public names by task, as the reference lists them; names that are not here follow.
 TASKS = {
-    "State an equation": "Equation Caputo RiemannLiouville Memory",
+    "State an equation": "Equation Caputo RiemannLiouville Memory Delay",
     "Solve it": "solve Solution Status solve_ivp derivative exact",
     "Schemes": "Collocation ExplicitCaputo BDF L1 L2 L12 L2Sigma Adams ProductTrapezoid"
     " GrunwaldLetnikov IMEX graded Graded",

@@ -64,6 +64,7 @@ PAGES += [
         "frequency_response",
         "scenes",
         "recipes",
+        "delays",
         "distributed_memory",
         "algebraic_rows",
         "maps",

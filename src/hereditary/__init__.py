@@ -18,6 +18,7 @@ from .analysis.zero_one import ZeroOneResult, zero_one_test
 from .collocation.method import Collocation
 from .derivative import derivative
 from .ensemble import Ensemble, ensemble
+from .equation.delay import Delay
 from .equation.equation import Equation
 from .equation.operators import Caputo, Memory, RiemannLiouville
 from .functions.python_calls import PythonFunctionWarning
@@ -70,6 +71,7 @@ __all__ = [
     "Caputo",
     "Collocation",
     "ConvergenceTable",
+    "Delay",
     "Direct",
     "DistributedOrder",
     "Ensemble",

@@ -333,7 +333,7 @@ class _Run:
         """Return a function that takes members that are left, `most` or all of them."""
         base, one = self._members.base, self._solve
         # functions that are called in Python hold the parameters of their equation
-        if self._kept is not None and not base.system.callbacks:
+        if self._kept is not None and not (base.system.callbacks or base.system.delays):
             history, t_end = self._how["history"], self._t_end - base.t_start
             run = base.system, self._how["scheme"], history, self._steps
             members = self._members.params, self._members.inside, self._plan

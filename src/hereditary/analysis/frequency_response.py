@@ -220,7 +220,7 @@ def _check(equation: Equation, frequency: int, along: int | None) -> None:
         refuse("t_start", "be 0", equation.t_start, "steady responses know no start")
     system = equation.system
     bare = not (system.frame.paired or system.frame.speeds)
-    if not bare or system.varies or system.callbacks:
+    if not bare or system.varies or system.callbacks or system.delays:
         refuse("equation", "be real and compiled, of constant orders up to 2", repr(equation))
     p = equation.params.size
     numbers = {"frequency": frequency} | ({} if along is None else {"along": along})

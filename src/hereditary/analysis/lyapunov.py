@@ -321,6 +321,9 @@ def _run(
     if equation.system.algebraic.any():
         required = "have a derivative of every component for exponents"
         refuse("equation", required, repr(equation), "solve rows without one in rhs")
+    if equation.system.delays:
+        required = "read no delays for exponents, whose tangents would have delayed values too"
+        refuse("equation", required, repr(equation))
     system, most = marched(equation.system, scheme), n_data(equation.system)
     if history is None and not chooses_steps(scheme):
         history = SumOfExponentials()

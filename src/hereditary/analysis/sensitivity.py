@@ -228,7 +228,7 @@ def _kinds(wrt: Any, equation: Equation) -> tuple[str, ...]:
     if not kinds or not all(isinstance(kind, str) and kind in _KINDS for kind in kinds):
         refuse("wrt", f"hold some of {', '.join(_KINDS)}", repr(wrt))
     if not has_tangents(equation):
-        required = "be real and compiled, of orders up to 2, without matrices"
+        required = "be real and compiled, of orders up to 2, without matrices and delays"
         refuse("equation", required, repr(equation), "or take differences")
     if "params" in kinds and equation.params.size == 0:
         refuse("wrt", "leave out params, which the equation has none of", kinds)
@@ -240,7 +240,8 @@ def _kinds(wrt: Any, equation: Equation) -> tuple[str, ...]:
 def has_tangents(equation: Equation) -> bool:
     """Return whether derivatives by parameters and initial values can be solved for."""
     system = equation.system
-    return not (system.frame.paired or system.frame.speeds or system.callbacks)
+    reads = system.callbacks or system.delays
+    return not (system.frame.paired or system.frame.speeds or reads)
 
 
 def _by_orders(

@@ -690,6 +690,11 @@ class AdaptiveStepper(ResumableStepper, TangentStepper, JumpingStepper):
         at_once, self._breaks = breaks_ahead(times, self.t, t_end, self.system.frame.start)
         self._at_singular_start |= at_once
 
+    @property
+    def live_params(self):
+        """Parameters of the right-hand side, which the next steps read."""
+        return self._marched.compiled_params
+
     def stats(self):
         """Return counts and error estimates for the solution's stats."""
         return {

@@ -18,6 +18,7 @@ from ..functions.reads import digest, digest_of_compiled
 from ..support.checks import count, instance, real, real_array, refuse
 from .affine import affine
 from .chain import chained
+from .delay import Delay, pasts_of, reading
 from .formula import formula
 from .frame import Frame
 from .operators import Summand
@@ -32,7 +33,7 @@ from .statement import (
     left_side,
     of_shorthand,
     per_component,
-    read_terms,
+    read_memory,
     with_memory,
 )
 from .system import System, displaced, leading_orders
@@ -73,9 +74,9 @@ class Equation:
         The Jacobian d rhs / d y, ``jac(t, y)`` or ``jac(t, y, params)`` returning shape (d, d), or
         in place ``jac(t, y, jacobian, params)``. It is compared with differences near y(0). Without
         it differences are used.
-    memory : Caputo, Memory, Term, a sum or a sequence of them, optional
-        Terms that `rhs` reads, such as friction that depends on the state; they are not on the left
-        side. Their values, shape (k, d), are the third argument: ``rhs(t, y, memory)``,
+    memory : Caputo, Memory, Term, Delay, a sum or a sequence of them, optional
+        Terms that `rhs` reads, such as friction that depends on the state, and delays; they are not
+        on the left side. Their values, shape (k, d), are the third argument: ``rhs(t, y, memory)``,
         ``rhs(t, y, memory, params)`` or in place ``rhs(t, y, memory, dy, params)``. `jac` has the
         same third argument. Orders must be below the highest order of their component.
     jac_memory : callable, optional
@@ -157,7 +158,7 @@ class Equation:
         params: ArrayLike = (),
         jac: Callable | None = None,
         *,
-        memory: Summand | Iterable[Summand] = (),
+        memory: Summand | Delay | Iterable[Summand | Delay] = (),
         jac_memory: Callable | None = None,
         t_start: float = 0.0,
         d: int | None = None,
@@ -165,7 +166,7 @@ class Equation:
         bandwidth: tuple[int, int] | None = None,
         jac_sparsity: Any = None,
     ) -> None:
-        self.terms, self.memory = as_terms(terms), read_terms(memory)
+        self.terms, self.memory = as_terms(terms), read_memory(memory)
         self.rhs, self.jac, self.jac_memory = rhs, jac, jac_memory
         self.linear, self.jac_sparsity, self.bandwidth = linear, jac_sparsity, bandwidth
         values = finite(y0)
@@ -189,8 +190,11 @@ class Equation:
         orders.flags.writeable = False
         self.orders, self.coefficients = orders, factors[constant]
         self.coefficients.flags.writeable = False
-        nothing = np.zeros((len(self.memory), d), initial.dtype)
-        start = Start(initial[0], nothing, _numbers(params), self.t_start)
+        remembered = np.zeros((len(self.memory), d), initial.dtype)
+        pasts = pasts_of(self.memory, initial[0], self.t_start)
+        for row, past in zip(remembered, pasts, strict=True):
+            row[:] = 0.0 if past is None else past.first
+        start = Start(initial[0], remembered, _numbers(params), self.t_start)
         said, entries = None, jac
         if rhs is None or any(part is not None for part in (linear, bandwidth, jac_sparsity)):
             from ..large.structure import copied, stated  # a leaf, which imports this room
@@ -214,6 +218,9 @@ class Equation:
         params, rhs, jac = made
         if jac is not None or structure is not None:
             check_jacobian(rhs, jac, start.components(), params, structure)
+        if any(pasts):
+            (params, rhs, jac), known["delays"] = reading((params, rhs, jac), pasts)
+            known["terms_digest"] = digest([(p.delay.tau, p.delay.past) for p in pasts if p])
         self._frozen = self._present_values()
         left = left_side(self.terms, factors, orders, self.t_start)
         known |= {"n_params": start.params.size, "structure": structure}
@@ -253,7 +260,8 @@ class Equation:
         if self._given_d is not None:
             needed = leading_orders(left, initial.shape[1]) > np.arange(len(initial))[:, None]
             initial = np.where(needed, initial, 0.0)
-        _check_leading(left, initial, bool(self.memory))
+        kept = [term for term in self.memory if not isinstance(term, Delay)]
+        _check_leading(left, initial, bool(kept))
         if len(initial) > 2 or left[0].coefficients.ndim > 1:
             if self.memory:
                 required = "be left out with orders above 2 and with matrices as coefficients"
@@ -265,7 +273,7 @@ class Equation:
             return replace(system, **known)
         known["frame"] = Frame(self.t_start, paired)
         system = System(left, initial, *functions, **known)
-        return with_memory(system, self.memory) if self.memory else system
+        return with_memory(system, kept) if kept else system
 
     def __repr__(self) -> str:
         return f"Equation({' + '.join(map(repr, self.terms))} = rhs, d={self.d})"
@@ -347,7 +355,7 @@ class Equation:
         y (d,) are real components, as `d` counts them. `linear` is included. The result is SciPy's
         CSR array where entries are stated.
         """
-        if self.system.read.any():
+        if self.system.read.any() or self.system.delays:
             required = "read no memory where its Jacobian by y alone is asked for"
             refuse("rhs", required, "memory", "or take differences of rhs(t, y, memory)")
         try:

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from .delay import Delay
 from .operators import Term
 
 # Longest description of a kernel, in letters: a longer one is replaced by the name of its class.
@@ -22,7 +23,7 @@ def formula(equation: Any) -> str:
     right = ["A y"] * (equation.linear is not None) + right
     read = ""
     if equation.memory:
-        read = f", memory: {', '.join(_term(term) for term in equation.memory)}"
+        read = f", memory: {', '.join(_read(part) for part in equation.memory)}"
     d = equation.system.n_y
     about = f"{d} components" if d > 1 else "one component"
     about += ", complex" * equation.system.frame.paired
@@ -33,6 +34,13 @@ def formula(equation: Any) -> str:
 def _name(function: object, otherwise: str = "f") -> str:
     name = getattr(function, "__name__", type(function).__name__).lstrip("_")
     return otherwise if name in ("<lambda>", "") else html.escape(name)
+
+
+def _read(part: Term | Delay) -> str:
+    if not isinstance(part, Delay):
+        return _term(part)
+    tau = f"{_name(part.tau, 'tau')}(t)" if callable(part.tau) else f"{part.tau:g}"
+    return f"y(t &minus; {tau})"
 
 
 def _term(term: Term) -> str:

@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike
 
 from ..support.checks import complaint, real_array, refuse, refuse_masked, shown
 from .affine import affine
+from .delay import Delay
 from .operators import Summand, Term
 from .orders import merged_orders
 from .system import System
@@ -116,10 +117,17 @@ def per_component(
     return stacked
 
 
-def read_terms(memory: Summand | Iterable[Summand]) -> tuple[Term, ...]:
-    """List the terms that a right-hand side reads."""
-    if isinstance(memory, (list, tuple)) and not memory:
-        return ()
+def read_memory(memory: Any) -> tuple[Term | Delay, ...]:
+    """List what a right-hand side reads, terms and delays, in its order."""
+    parts = list(memory) if isinstance(memory, (list, tuple)) else [memory]
+    found: list[Term | Delay] = []
+    for part in parts:
+        found += [part] if isinstance(part, Delay) else _read_terms(part)
+    return tuple(found)
+
+
+def _read_terms(memory: Summand) -> tuple[Term, ...]:
+    """List the terms of a part of what a right-hand side reads."""
     terms = as_terms(memory, "memory")
     for term in terms:
         if term.operator.derivative > 2:

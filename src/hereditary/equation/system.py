@@ -14,6 +14,7 @@ from ..compiled.jacobian import VALUES, derivatives_by_parameters, jacobian_at, 
 from ..compiled.signatures import RightSide
 from ..functions.differences import units_of
 from ..support.checks import refuse
+from .delay import Delayed
 from .frame import Frame
 from .terms import SystemTerm
 
@@ -61,6 +62,8 @@ class System:
         Functions called in Python, which live as long as compiled code may call their addresses.
     by_params : int
         The first tangents, so many, are derivatives by the first parameters.
+    delays : tuple of Delayed
+        Delays that the right-hand side reads from tables behind its parameters.
     """
 
     left: Iterable[SystemTerm]  # a tuple, once made
@@ -80,6 +83,7 @@ class System:
     linear_alone: bool = False
     callbacks: tuple = ()
     by_params: int = 0
+    delays: tuple[Delayed, ...] = ()
 
     def __post_init__(self) -> None:
         set_once = partial(object.__setattr__, self)

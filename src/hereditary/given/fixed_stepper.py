@@ -316,6 +316,11 @@ class FixedStepper(ResumableStepper, TangentStepper, JumpingStepper):
         unstable = self._watch.largest > 1 or self._march.counts["growth"] >= 0
         return Status.STEP_TOO_LARGE if unstable else None
 
+    @property
+    def live_params(self):
+        """Parameters of the right-hand side, which the next steps read."""
+        return self._marched.compiled_params
+
     def stats(self):
         """Counts and errors for the solution's stats."""
         return {

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..stepping.dense import curve
-from ..support.checks import refuse, truth
+from ..support.checks import positive, refuse, truth
 from ._axes import chosen, made, style
 
 if TYPE_CHECKING:
@@ -66,14 +66,36 @@ def velocity(
     return _against_time(solution, ax, 1, components, line)
 
 
+def _delayed_portrait(
+    solution: Solution, ax: Axes | None, which: Any, delay: float, line: dict[str, Any]
+) -> Axes:
+    """Draw y(t - delay) against y(t), from the start of the solution plus the delay on."""
+    t, _ = curve(solution, which)
+    t = t[t >= t[0] + delay]
+    if t.size < 2:
+        refuse("delay", "be shorter than the solution", delay)
+    now, before = solution(t)[:, which], solution(np.maximum(t - delay, solution.t[0]))[:, which]
+    with made(ax) as ax:
+        for x, y in zip(now.T, before.T, strict=True):
+            (drawn,) = ax.plot(x, y, **line)
+            ax.plot(x[0], y[0], "o", ms=4, color=drawn.get_color())
+        ax.set(xlabel="$y(t)$", ylabel=rf"$y(t - {delay:g})$", title="Phase portrait")
+        if "label" in line:
+            ax.legend()
+    return ax
+
+
 def phase_portrait(
     solution: Solution,
     ax: Axes | None = None,
     *,
     components: ArrayLike | None = None,
+    delay: float | None = None,
     **line: Any,
 ) -> Axes:
     """Draw the orbit in its phase plane: x' against x, or one component against another.
+
+    With a delay it is each component at an earlier time, against that component.
 
     Parameters
     ----------
@@ -84,6 +106,8 @@ def phase_portrait(
     components : int or array_like of int, optional
         Components whose x' is drawn against x; all by default. For orders up to 1, the two that are
         drawn against each other; by default the first two.
+    delay : float, optional
+        y(t - delay) is drawn against y(t), as delay equations have it [time].
     **line
         Keywords of ``Axes.plot``.
 
@@ -92,6 +116,9 @@ def phase_portrait(
     matplotlib Axes
     """
     d = solution.y.shape[1]
+    if delay is not None:
+        which = chosen(components, d)
+        return _delayed_portrait(solution, ax, which, positive("delay", delay), line)
     pair = solution.ydot is None and d > 1
     which = chosen(components, d) if components is not None or not pair else [0, 1]
     if pair and len(which) != 2:

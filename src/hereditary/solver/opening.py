@@ -1,5 +1,6 @@
 """Make one value of the arguments that say how to step, and open the engine's stepper."""
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -13,6 +14,7 @@ from ..given.opening import given_steps, open_given
 from ..stepping.scheme import Scheme
 from ..stepping.state import State
 from ..support.checks import instance, refuse
+from .delayed import DelayedStepper
 
 
 def chooses_steps(scheme: Scheme) -> bool:
@@ -70,6 +72,28 @@ def open_stepper(
     `how` is what `how_to_step` returns, `t_end` counts from the start, and `directions` are those
     of tangents.
     """
+    if system.delays:
+        return _open_delayed(system, scheme, history, how, t_end, state, allow_change)
     if chooses_steps(scheme):
         return open_adaptive(system, scheme, how, t_end, state, allow_change, directions)
     return open_given(system, scheme, history, how, state, allow_change, directions)
+
+
+def _open_delayed(
+    system: System,
+    scheme: Scheme,
+    history: History | None,
+    how: Any,
+    t_end: float,
+    state: State | None,
+    allow_change: bool,
+) -> tuple[Any, Any]:
+    """Return a stepper of a system with delays, whose tables are its own, and its last position."""
+    delays, tables = system.delays, system.compiled_params.copy()
+    system = replace(system, compiled_params=tables, delays=())
+    own = state and replace(state, checkpoint=state.checkpoint[0])
+    inner, last = open_stepper(system, scheme, history, how, t_end, own, allow_change)
+    stepper = DelayedStepper(inner, delays, t_end)
+    if state is not None:
+        stepper.remember(state.checkpoint[1])
+    return stepper, last

@@ -283,7 +283,7 @@ def solve(
     if estimate:
         note_missed(solution, stepper)
     first_order = isinstance(scheme, (ExplicitCaputo, GrunwaldLetnikov)) and mesh is None
-    first_order = first_order and not scheme.is_map
+    first_order = first_order and not (scheme.is_map or system.delays)
     if first_order and estimate and resume is None and not (hybrid or np.size(breaks)):
         note_error(solution, stepper, stop)
     return solution

@@ -79,7 +79,7 @@ def state_of(stepper: Any, scheme: Scheme, how: Any, history: Any = None) -> Sta
     )
     for array in (state.y, *_arrays(state.checkpoint)):
         array.flags.writeable = False
-    return replace(state, version=_version(), layout=_layout(state))
+    return replace(state, version=_version(), layout=layout_of(state))
 
 
 def _arrays(part: Any) -> list[np.ndarray]:
@@ -95,12 +95,12 @@ def check_sound(state: Any) -> None:
     if version != here:
         required = f"come from the same version of hereditary, here {here}"
         refuse("resume", required, version, "start anew")
-    if state.layout != _layout(state):
+    if state.layout != layout_of(state):
         required, got = "be a state as a run left it", "arrays of other shapes or types"
         refuse("resume", required, got, "start anew")
 
 
-def _layout(state: State) -> list[tuple]:
+def layout_of(state: State) -> list[tuple]:
     """Return the shape and the type of each array that compiled code is going to read."""
     objects = (part for part in state.checkpoint if hasattr(part, "__dict__"))
     arrays = _arrays((state.y, state.checkpoint, *(tuple(vars(part).values()) for part in objects)))

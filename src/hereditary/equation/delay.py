@@ -1,0 +1,267 @@
+"""Delays: the solution at an earlier time, which a right-hand side reads from tables.
+
+A table holds ``y(t - tau(t))`` on an interval of time, as polynomials in t. Compiled code reads it
+behind the parameters of the right-hand side. The march fills it in advance (solver/delayed.py).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from functools import lru_cache
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.polynomial.chebyshev import chebvander
+
+from ..compiled.jit import JAC_SIG, RHS_SIG, as_value, compiled, derived
+from ..support.checks import complaint, positive, refuse, shown
+
+# Coefficients of a polynomial of a table: steps of collocation have degree 9 at most.
+N_COEFFICIENTS = 10
+# Polynomials of a table, as many as have so many coefficients, and limits of this number.
+_NUMBERS = 20_000
+_FEWEST = 128
+_MOST = 2048
+# Numbers of a table before its times.
+_HEAD = 2
+
+
+class Delay:
+    """The solution at an earlier time, ``y(t - tau)``, for the right-hand side to read.
+
+    Name it in `memory=` of an `Equation`, alone or among other memory: its row of `memory` is
+    y(t - tau), shape (d,).
+
+    Parameters
+    ----------
+    tau : float or callable
+        The delay, above 0 [time]; or tau(t), which stays above 0 and grows slower than t.
+    past : float, array_like of shape (d,) or callable, optional
+        y before `t_start`: a constant, or past(t). By default y0.
+
+    Examples
+    --------
+    A population that reacts late:
+
+    >>> import hereditary as hd
+    >>> eq = hd.Equation(
+    ...     hd.Caputo(0.9), lambda t, y, late: y * (1 - late[0]), 0.5, memory=hd.Delay(1.0)
+    ... )
+    >>> hd.solve(eq, 5.0, rtol=1e-8).y[-1].round(6)
+    array([0.947702])
+    """
+
+    def __init__(self, tau: float | Callable, past: Any = None) -> None:
+        self.tau = tau if callable(tau) else positive("tau", tau)
+        self.past = past if callable(past) or past is None else np.array(past)
+        if isinstance(self.past, np.ndarray) and self.past.dtype.kind not in "iufc":
+            refuse("past", "be numbers or a function of t", repr(past), kind=TypeError)
+
+    def __repr__(self) -> str:
+        past = "" if self.past is None else f", past={shown(self.past)}"
+        return f"Delay({self.tau!r}{past})"
+
+
+class Earlier(NamedTuple):
+    """What a delay reads before the user's start, `origin`.
+
+    - values: a function of the user's time, with values (d,), complex where y is.
+    - first: y at `origin - tau`, (d,).
+    """
+
+    delay: Delay
+    values: Callable
+    origin: float
+    first: np.ndarray
+
+
+class Delayed(NamedTuple):
+    """A delay of a system, whose times count from its start.
+
+    - place, capacity: where its table begins among the parameters, and its most polynomials.
+    """
+
+    past: Earlier
+    place: int
+    capacity: int
+
+    def ago(self, t: np.ndarray) -> np.ndarray:
+        """Return the times t - tau(t), the shape of t."""
+        return t - _taus(self.past.delay, t, self.past.origin)
+
+    def before(self, t: np.ndarray) -> np.ndarray:
+        """Return y before the start, at times t (n,), shape (n, d) in real components."""
+        values, dtype = self.past.values, self.past.first.dtype
+        rows = [np.asarray(values(self.past.origin + each), dtype) for each in t.tolist()]
+        return np.array(rows, dtype).reshape(len(rows), -1).view(float)
+
+    def content(self, params: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return a table as `fill` takes it, copied."""
+        n, first = int(params[self.place]), self.place + _HEAD
+        times, first = params[first : first + n + 1].copy(), first + self.capacity + 1
+        d = self.past.first.view(float).size
+        values = params[first : first + n * d * N_COEFFICIENTS]
+        return times, values.reshape(n, d, N_COEFFICIENTS).copy()
+
+    def fill(self, params: np.ndarray, times: np.ndarray, coefficients: np.ndarray) -> None:
+        """Write a table: polynomials (n, d, N_COEFFICIENTS) between times (n + 1,)."""
+        n, first = len(coefficients), self.place + _HEAD
+        params[self.place] = n
+        params[first : first + n + 1] = times
+        first += self.capacity + 1
+        params[first : first + coefficients.size] = coefficients.ravel()
+
+
+def _taus(delay: Delay, t: np.ndarray, origin: float) -> np.ndarray:
+    """Return a delay at times t that count from the user's `origin`; refuse one that is not > 0."""
+    tau = delay.tau
+    if not callable(tau):
+        return np.full(np.shape(t), tau)
+    found = np.array([float(tau(origin + each)) for each in np.ravel(t).tolist()])
+    if not np.all(found > 0):
+        wrong = int(np.argmin(found > 0))
+        got = f"tau({origin + np.ravel(t)[wrong]:g}) = {found[wrong]:g}"
+        refuse("tau", "stay above 0", got)
+    return found.reshape(np.shape(t))
+
+
+def pasts_of(memory: Sequence[Any], y0: np.ndarray, origin: float) -> list[Earlier | None]:
+    """Return the past of each part of `memory` that is a delay, and None for others."""
+    return [_past(part, y0, origin) if isinstance(part, Delay) else None for part in memory]
+
+
+def _past(delay: Delay, y0: np.ndarray, origin: float) -> Earlier:
+    """Return what a delay reads before `origin`, where y is y0 (d,)."""
+    d, given = y0.size, y0 if delay.past is None else delay.past
+    at = origin - float(_taus(delay, np.zeros(1), origin)[0])
+    try:
+        first = np.asarray(given(at) if callable(given) else given)
+        fits = first.size in (1, d) and bool(np.isfinite(first).all())
+    except Exception as error:
+        raise ValueError(complaint("past", f"be defined at t = {at:g}", repr(error))) from error
+    if not fits or (first.dtype.kind == "c" and y0.dtype.kind != "c"):
+        required = f"be finite at t = {at:g}, one number or shape ({d},), real where y0 is"
+        refuse("past", required, shown(first))
+
+    def values(t: float) -> np.ndarray:
+        found = given(t) if callable(given) else given
+        return np.broadcast_to(np.ravel(found), (d,))
+
+    return Earlier(delay, values, origin, np.array(np.broadcast_to(first.ravel(), (d,)), y0.dtype))
+
+
+def reading(
+    functions: tuple[np.ndarray, Any, Any], pasts: Sequence[Earlier | None]
+) -> tuple[tuple[np.ndarray, Any, Any], tuple[Delayed, ...]]:
+    """Return params, right-hand side and Jacobian that read delays from tables, and the delays.
+
+    Parameters
+    ----------
+    functions : (ndarray, callable, callable or None)
+        Of y and all k rows of memory, (1 + k) d components.
+    pasts : sequence of length k
+        Of the rows that are delays; None for memory that remains a component.
+    """
+    params, rhs, jac = functions
+    firsts = [past.first.view(float) for past in pasts if past]
+    d = firsts[0].size
+    capacity = int(np.clip(_NUMBERS // (N_COEFFICIENTS * d), _FEWEST, _MOST))
+    size = _HEAD + capacity + 1 + capacity * d * N_COEFFICIENTS
+    places = np.zeros(len(pasts))
+    found: list[Delayed] = []
+    for k, past in enumerate(pasts):
+        if past:
+            places[k] = len(pasts) + len(found) * size
+            found.append(Delayed(past, params.size + int(places[k]), capacity))
+    tables = np.zeros(len(found) * size)
+    tables[1::size] = capacity
+    values = np.concatenate([params, places, tables, [len(pasts), d, params.size]])
+    for delayed, first in zip(found, firsts, strict=True):
+        constant = np.zeros((1, d, N_COEFFICIENTS))
+        constant[0, :, 0] = first
+        delayed.fill(values, np.array([0.0, 1.0]), constant)
+    return (values, _reading(rhs), None if jac is None else _slopes(jac)), tuple(found)
+
+
+@lru_cache(maxsize=64)
+def _reading(rhs: Any) -> Any:
+    """Return a right-hand side whose delayed rows come from tables behind its parameters."""
+
+    def read(t: float, x: np.ndarray, out: np.ndarray, params: np.ndarray) -> None:
+        own = int(params[-1])
+        z = _all_rows(t, x, params)
+        force = np.empty(z.shape[0])
+        rhs(t, z, force, params[:own])
+        for c in range(x.shape[0]):
+            out[c] = force[c]
+
+    return as_value(derived(read), RHS_SIG)
+
+
+@lru_cache(maxsize=64)
+def _slopes(jac: Any) -> Any:
+    """Return the Jacobian of `_reading` by the components that remain."""
+
+    def read(t: float, x: np.ndarray, out: np.ndarray, params: np.ndarray) -> None:
+        own, d, k = int(params[-1]), int(params[-2]), int(params[-3])
+        z = _all_rows(t, x, params)
+        block = np.empty((z.shape[0], z.shape[0]))
+        jac(t, z, block, params[:own])
+        for i in range(x.shape[0]):
+            column = 0
+            for row in range(1 + k):
+                kept = row == 0 or params[own + row - 1] == 0.0
+                for c in range(d if kept else 0):
+                    out[i, column] = block[i, row * d + c]
+                    column += 1
+
+    return as_value(derived(read), JAC_SIG)
+
+
+@compiled
+def _all_rows(t: float, x: np.ndarray, params: np.ndarray) -> np.ndarray:
+    """Return y and all rows of memory, ((1 + k) d,)."""
+    own, d, k = int(params[-1]), int(params[-2]), int(params[-3])
+    z, column = np.empty((1 + k) * d), d
+    for c in range(d):
+        z[c] = x[c]
+    for row in range(k):
+        place, first = int(params[own + row]), (1 + row) * d
+        if place == 0:
+            for c in range(d):
+                z[first + c] = x[column + c]
+            column += d
+        else:
+            _look_up(t, params[own + place :], z[first : first + d])
+    return z
+
+
+@compiled
+def _look_up(t: float, table: np.ndarray, out: np.ndarray) -> None:
+    """Set out (d,) to the value of a table at time t."""
+    n, capacity = int(table[0]), int(table[1])
+    times, values = table[2:], table[3 + capacity :]
+    low, high = 0, n
+    while high - low > 1:
+        middle = (low + high) // 2
+        if times[middle] <= t:
+            low = middle
+        else:
+            high = middle
+    u = 2.0 * (t - times[low]) / (times[low + 1] - times[low]) - 1.0
+    u = min(max(u, -1.0), 1.0)
+    for c in range(out.shape[0]):
+        first = (low * out.shape[0] + c) * N_COEFFICIENTS
+        before, last = 0.0, 0.0
+        for j in range(N_COEFFICIENTS - 1, 0, -1):
+            before, last = last, 2.0 * u * last - before + values[first + j]
+        out[c] = u * last - before + values[first]
+
+
+def _nodes() -> tuple[np.ndarray, np.ndarray]:
+    """Return Chebyshev's points in (-1, 1), and the matrix from values there to coefficients."""
+    points = np.cos(np.pi * (np.arange(N_COEFFICIENTS) + 0.5) / N_COEFFICIENTS)[::-1]
+    return points, np.linalg.inv(chebvander(points, N_COEFFICIENTS - 1))
+
+
+NODES, TO_COEFFICIENTS = _nodes()

@@ -1,0 +1,265 @@
+"""Delays that the right-hand side reads, to a tolerance and on given steps."""
+
+import math
+import pickle
+
+import matplotlib
+import numpy as np
+import pytest
+from cases import GIVEN
+from scipy.special import gamma
+
+import hereditary as hd
+
+matplotlib.use("Agg")
+
+
+def late(t, y, z, p):
+    return p[0] * z[0]
+
+
+def series(alpha, k, t):
+    """D^alpha y = k y(t - 1), y = 1 before 0, by the method of steps for Laplace transforms."""
+    n = np.arange(math.floor(t) + 2)
+    powers = np.maximum(t - n + 1.0, 0.0) ** (n * alpha)
+    return float(np.sum(np.where(n == 0, 1.0, k**n * powers / gamma(n * alpha + 1))))
+
+
+def delayed(alpha, k):
+    return hd.Equation(
+        hd.Caputo(alpha), late, [1.0, 0.0][: math.ceil(alpha)], [k], memory=hd.Delay(1)
+    )
+
+
+# the rounding of a time next to a kink limits small orders
+CASES = [(0.3, 1e-8), (0.7, 1e-11), (1.0, 1e-11), (1.5, 1e-11)]
+
+
+@pytest.mark.parametrize("k", [-2.0, 0.5])
+@pytest.mark.parametrize(("alpha", "tightest"), CASES)
+def test_the_tolerance_holds(alpha, tightest, k):
+    times = np.linspace(0.5, 10.0, 20)
+    exact = np.array([series(alpha, k, t) for t in times])
+    size = np.abs(exact).max()
+    for rtol in (1e-4, 1e-8, tightest):
+        found = hd.solve(delayed(alpha, k), 10.0, rtol=rtol)
+        assert found.success
+        assert np.abs(found(times)[:, 0] - exact).max() < 10 * rtol * size
+        assert found.stats["n_steps"] < 400
+
+
+TAU = 0.5
+
+
+def manufactured(alpha, tau=TAU):
+    """y = t^2 - t, also before 0."""
+    first, second = 2 / gamma(3 - alpha), 1 / gamma(2 - alpha)
+
+    def rhs(t, y, z):
+        slope = first * max(t, 0.0) ** (2 - alpha) - second * max(t, 0.0) ** (1 - alpha)
+        return slope + 2 * tau * t - tau**2 - tau - y + z[0]
+
+    past = hd.Delay(tau, past=lambda t: t * t - t)
+    return hd.Equation(hd.Caputo(alpha), rhs, 0.0, memory=past)
+
+
+@pytest.mark.parametrize("alpha", [0.5, 0.9])
+def test_a_known_past(alpha):
+    found = hd.solve(manufactured(alpha), 5.0, rtol=1e-8)
+    assert found.y[:, 0] == pytest.approx(found.t**2 - found.t, abs=1e-8)
+    assert found.stats["n_steps"] < 150
+
+
+def smooth(t, y, z, p):
+    return p[0] * y - z[0] + p[1] * np.cos(t)
+
+
+@pytest.mark.parametrize("tau", [0.5, 0.53])
+@pytest.mark.parametrize("scheme", GIVEN, ids=repr)
+def test_given_steps_converge_to_the_solution_of_a_tolerance(scheme, tau):
+    """Delayed values of rows have at least the order of the scheme's own first steps."""
+    equation = hd.Equation(hd.Caputo(0.8), smooth, 1.0, [-0.5, 0.4], memory=hd.Delay(tau))
+    exact = hd.solve(equation, 4.0, rtol=1e-10).y[-1, 0]
+    coarse, fine = (
+        abs(hd.solve(equation, 4.0, n, scheme=scheme).y[-1, 0] - exact) for n in (400, 1600)
+    )
+    assert fine < 2e-3
+    assert fine < coarse / 3 or fine < 1e-6
+
+
+def growing(t, y, z, p):
+    return p[0] * y * (1 - z[0])
+
+
+REACTS = hd.Equation(hd.Caputo(0.9), growing, 0.5, [1.5], memory=hd.Delay(1.0))
+TIGHT = {"rtol": 1e-8}
+END = 5.0
+
+
+def end(equation=REACTS, **how):
+    return hd.solve(equation, END, **(how or TIGHT)).y[-1, 0]
+
+
+def test_mackey_and_glass():
+    eq = hd.Equation(
+        hd.Caputo(0.95),
+        lambda t, y, z: 2 * z[0] / (1 + z[0] ** 9.65) - y,
+        0.5,
+        memory=hd.Delay(2.0, past=0.5),
+    )
+    found = hd.solve(eq, 60.0, rtol=1e-9, t_eval=[20.0, 60.0]).y[:, 0]
+    assert found == pytest.approx([0.95637921316, 0.953997344661], abs=2e-8)
+
+
+def test_resumed_runs_have_the_past_of_one_delay():
+    first = hd.solve(REACTS, 2.3, scheme=hd.Collocation(horizon=END), **TIGHT)
+    state = pickle.loads(pickle.dumps(first)).state
+    assert hd.solve(REACTS, END, resume=state).y[-1, 0] == pytest.approx(end(), abs=1e-9)
+    scheme = hd.BDF(2)
+    half = hd.solve(REACTS, 2.5, 250, scheme=scheme)
+    state = pickle.loads(pickle.dumps(half)).state
+    whole = hd.solve(REACTS, END, 500, scheme=scheme).y[-1]
+    assert np.array_equal(hd.solve(REACTS, END, resume=state).y[-1], whole)
+
+
+def test_events_changes_and_breaks():
+    def level(t, y):
+        return y[0] - 1.2
+
+    def lift(t, y):
+        return y + 0.3
+
+    steps = {"n_steps": 8000, "scheme": hd.BDF(2)}
+    found, rough = (hd.solve(REACTS, END, events=level, **how) for how in (TIGHT, steps))
+    assert len(found.t_events[0]) == 3
+    assert found.t_events[0] == pytest.approx(rough.t_events[0], abs=1e-4)
+    level.terminal = True
+    stopped = hd.solve(REACTS, END, events=level, scheme=hd.Collocation(horizon=END), **TIGHT)
+    assert stopped.status == "event"
+    assert hd.solve(REACTS, END, resume=stopped.state).y[-1, 0] == pytest.approx(end(), abs=1e-9)
+    found, rough = (
+        hd.solve(REACTS, END, changes={2.0: lift}, **how).y[-1, 0] for how in (TIGHT, steps)
+    )
+    assert found == pytest.approx(rough, abs=2e-4)
+    assert end(breaks=[1.7], **TIGHT) == pytest.approx(end(), abs=1e-9)
+
+
+def test_members_sweeps_and_fits():
+    for how in (TIGHT, {"n_steps": 2000, "scheme": hd.BDF(2)}):
+        members = hd.ensemble(REACTS, END, params=[[1.0], [1.5]], **how).y[:, -1, 0]
+        for member, p in zip(members, (1.0, 1.5), strict=True):
+            assert member == pytest.approx(end(REACTS.replace(params=[p]), **how), abs=1e-12)
+    times = np.linspace(0.2, END, 30)
+
+    def model(tau):
+        return REACTS.replace(memory=hd.Delay(tau))
+
+    data = hd.solve(model(0.8), END, rtol=1e-10, t_eval=times).y
+    assert hd.fit(model, times, data, {"tau": 1.0}).parameters["tau"] == pytest.approx(
+        0.8, abs=1e-6
+    )
+
+
+def test_runs_of_one_equation_have_tables_of_their_own():
+    """A run between two parts of another one does not move its tables."""
+    outer = hd.solve(REACTS, 2.3, scheme=hd.Collocation(horizon=END), **TIGHT)
+    hd.solve(REACTS, END, **TIGHT)
+    assert hd.solve(REACTS, END, resume=outer.state).y[-1, 0] == pytest.approx(end(), abs=1e-9)
+
+
+def several(t, y, z):
+    return -z[0] + 0.3 * z[1] - 0.2 * z[2]
+
+
+SEVERAL = [hd.Delay(1.0), hd.Caputo(0.4), hd.Delay(0.37, past=lambda t: 1 + t)]
+VARYING = hd.Delay(lambda t: 1 + 0.5 * np.sin(t), past=np.cos)
+OTHERS = [
+    hd.Equation(hd.Caputo(0.9), several, 1.0, memory=SEVERAL),
+    hd.Equation(hd.Caputo(0.9), lambda t, y, z: -z[0], 1.0, memory=VARYING),
+    hd.Equation(hd.Caputo(0.9), lambda t, y, z: 1j * z[0], 1.0 + 0j, memory=hd.Delay(1.0)),
+    hd.Equation(
+        hd.Caputo(0.9), lambda t, y, z: -z[0] + np.sin(t), 1.0, memory=VARYING, t_start=3.0
+    ),
+    hd.Equation(
+        hd.Caputo([0.9, 0.7]),
+        lambda t, y, z: np.array([-z[0, 1], z[0, 0] - y[1]]),
+        [1.0, 0.5],
+        memory=hd.Delay(0.8, past=[0.9, 0.5]),
+    ),
+]
+
+
+@pytest.mark.parametrize("equation", OTHERS, ids=["several", "varying", "complex", "later", "two"])
+def test_other_delays(equation):
+    last = equation.t_start + END
+    tight = hd.solve(equation, last, rtol=1e-10).y[-1]
+    assert hd.solve(equation, last, rtol=1e-7).y[-1] == pytest.approx(tight, abs=1e-6)
+    steps = hd.solve(equation, last, 8000, scheme=hd.BDF(2)).y[-1]
+    assert steps == pytest.approx(tight, abs=3e-4)
+
+
+def test_a_right_hand_side_in_python_and_a_jacobian():
+    def spoken(t, y, z, p):
+        return [p[0] * float(str(y[0])) * (1 - z[0, 0])]
+
+    with pytest.warns(hd.PythonFunctionWarning):
+        called = REACTS.replace(rhs=spoken)
+    assert end(called, rtol=1e-6) == pytest.approx(end(), abs=1e-6)
+
+    def jac(t, y, z, p):
+        return np.array([[p[0] * (1 - z[0, 0])]])
+
+    def jac_memory(t, y, z, p):
+        return np.array([[-p[0] * y[0]]])
+
+    given = hd.Equation(
+        hd.Caputo(0.9), growing, 0.5, [1.5], jac, memory=hd.Delay(1.0), jac_memory=jac_memory
+    )
+    assert end(given) == pytest.approx(end(), abs=1e-9)
+
+
+def test_plots_of_the_delayed_value():
+    axes = hd.plots.phase_portrait(hd.solve(REACTS, END, **TIGHT), delay=1.0)
+    x, y = axes.lines[0].get_data()
+    assert x[0] == pytest.approx(hd.solve(REACTS, END, **TIGHT)(1.0)[0], abs=1e-6)
+    assert y[0] == pytest.approx(0.5)
+
+
+def simple(**delay):
+    return hd.Equation(hd.Caputo(0.9), lambda t, y, z: -z[0], 1.0, memory=hd.Delay(**delay))
+
+
+REFUSED = [
+    (lambda: hd.Delay(0.0), "tau must be a finite number above 0"),
+    (
+        lambda: simple(tau=1.0, past=[1.0, 2.0]),
+        r"past must be finite at t = -1, one number or shape",
+    ),
+    (lambda: simple(tau=1.0, past=lambda t: np.nan), "past must be finite at t = -1"),
+    (lambda: simple(tau=1.0, past=lambda t: 1 / 0), "past must be defined at t = -1"),
+    (lambda: simple(tau=1.0, past=1j), "real where y0 is"),
+    (lambda: hd.solve(simple(tau=lambda t: -1.0), 3.0), "tau must stay above 0, got tau.0. = -1"),
+    (lambda: hd.solve(simple(tau=lambda t: 1 - 0.4 * t), 4.0), "tau must stay above 0, got tau.4."),
+    (lambda: hd.solve(simple(tau=lambda t: 1 + 2 * t), 3.0), "tau must grow slower than t"),
+    (lambda: hd.solve(simple(tau=0.1), 5.0, 40), "tau must be at least a step h on given steps"),
+    (lambda: hd.sensitivities(REACTS, 2.0, **TIGHT), "without matrices and delays"),
+    (lambda: hd.lyapunov(REACTS, 2.0, **TIGHT), "equation must read no delays for exponents"),
+    (lambda: REACTS.jacobian(0.0, [0.5]), "rhs must read no memory"),
+    (
+        lambda: hd.plots.phase_portrait(hd.solve(REACTS, END, **TIGHT), delay=9.0),
+        "delay must be shorter than the solution",
+    ),
+]
+
+
+@pytest.mark.parametrize(("call", "words"), REFUSED, ids=[words for _, words in REFUSED])
+def test_refusals(call, words):
+    with pytest.raises(ValueError, match=words):
+        call()
+
+
+def test_a_delay_in_a_formula():
+    shown = hd.Equation(hd.Caputo(0.9), several, 1.0, memory=[*SEVERAL[:2], VARYING])._repr_html_()
+    assert "y(t &minus; 1)" in shown
+    assert "y(t &minus; tau(t))" in shown
+    assert repr(hd.Delay(2.0, past=[1.0, 2.0])) == "Delay(2.0, past=[1., 2.])"
