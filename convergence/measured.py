@@ -23,7 +23,7 @@ writes this page from `convergence/results/claims.csv`.
 """
 SECTIONS = {
     "Accuracy and orders": "orders explicit_order graded_meshes imex riemann_liouville memory_terms"
-    " varying_orders stability published_rules models derivatives",
+    " varying_orders stability published_rules models derivatives delays",
     "Steps chosen by a tolerance": "collocation undamped coincidences work_precision peers"
     " campaign solve_ivp",
     "Memory and kernels": "memory_is_nearly_free histories exponential_sum_modes memory_kernels"

@@ -23,6 +23,7 @@ GALLERY = (
     "resonance",
     "lorenz_with_memory",
     "neuron",
+    "late_population",
     "bifurcation_diagram",
     "map_of_regimes",
     "models_of_the_field",
