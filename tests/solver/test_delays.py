@@ -180,6 +180,7 @@ OTHERS = [
     hd.Equation(
         hd.Caputo(0.9), lambda t, y, z: -z[0] + np.sin(t), 1.0, memory=VARYING, t_start=3.0
     ),
+    hd.Equation(hd.Caputo(1.8), lambda t, x, z: -x - 0.3 * z[0], [1.0, 0.2], memory=hd.Delay(1.0)),
     hd.Equation(
         hd.Caputo([0.9, 0.7]),
         lambda t, y, z: np.array([-z[0, 1], z[0, 0] - y[1]]),
@@ -189,7 +190,9 @@ OTHERS = [
 ]
 
 
-@pytest.mark.parametrize("equation", OTHERS, ids=["several", "varying", "complex", "later", "two"])
+@pytest.mark.parametrize(
+    "equation", OTHERS, ids=["several", "varying", "complex", "later", "above 1", "two"]
+)
 def test_other_delays(equation):
     last = equation.t_start + END
     tight = hd.solve(equation, last, rtol=1e-10).y[-1]
@@ -263,3 +266,24 @@ def test_a_delay_in_a_formula():
     assert "y(t &minus; 1)" in shown
     assert "y(t &minus; tau(t))" in shown
     assert repr(hd.Delay(2.0, past=[1.0, 2.0])) == "Delay(2.0, past=[1., 2.])"
+
+
+def test_delays_beside_algebraic_rows():
+    """The row without a derivative is what the other one reads late."""
+    rows = np.array([1.0, 0.0]) * hd.Caputo(0.8)
+
+    def split(t, y, z):
+        return np.array([-y[1], z[0, 0] - y[1]])
+
+    both = hd.Equation(rows, split, [1.0, 1.0], memory=hd.Delay(1.0))
+    alone = hd.Equation(hd.Caputo(0.8), lambda t, y, z: -z[0], 1.0, memory=hd.Delay(1.0))
+    assert end(both) == pytest.approx(end(alone), abs=1e-9)
+
+
+@pytest.mark.parametrize("how", [TIGHT, {"n_steps": 4000, "scheme": hd.L1()}], ids=str)
+def test_delays_beside_kernels(how):
+    """Without the delay's coefficient it is another equation's solution."""
+    terms = hd.Caputo(0.9) + hd.Memory(hd.Prony([1.0], [0.5]), 0)
+    late = hd.Equation(terms, lambda t, y, z: -y + 0.0 * z[0], 1.0, memory=hd.Delay(0.7))
+    plain = hd.Equation(terms, lambda t, y: -y, 1.0)
+    assert end(late, **how) == pytest.approx(end(plain, **how), abs=1e-9)

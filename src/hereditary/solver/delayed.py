@@ -291,11 +291,12 @@ def _when(delay: Delayed, t: float, low: float, high: float) -> float:
 def _kinks(
     delays: Sequence[Delayed], system: System, roots: Sequence[float], t_end: float
 ) -> list[float]:
-    """Return times at which the solution is not smooth since it was not a delay before.
+    """Return times at which the solution is not smooth, for it was not a delay before.
 
     Each delay raises the exponent of what is not smooth by the order.
     """
-    order = float(np.min(system.highest_orders()[: system.n_solved]))
+    orders = system.highest_orders()[: system.n_solved]
+    order = float(np.min(orders[orders > 0], initial=_SMOOTH))
     found: list[float] = []
     present, exponent = list(roots), order
     while present and exponent < _SMOOTH and len(found) < _MOST_KINKS:
