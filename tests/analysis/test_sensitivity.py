@@ -287,3 +287,43 @@ def test_rows_lie_between_steps_with_a_tolerance():
             assert found.by_params[i, :, k] == pytest.approx(by_runs, abs=1e-7)
     unit = hd.solve(equation.replace(y0=[2.0, 0.2]), 2.0, rtol=1e-10, t_eval=times).y
     assert found.y[:, 0] + found.by_y0[:, 0, 0] == pytest.approx(unit[:, 0], abs=1e-8)
+
+
+def recalling_twice(t, y, memory, p):
+    return -p[0] * y - p[1] * memory[0] ** 2 * y
+
+
+def cubes(t, y, p):
+    return -p[0] * y**3
+
+
+MASS, FRICTION = np.array([[1.0, 0.3], [0.3, 1.0]]), np.array([[0.2, 0.1], [0.0, 0.3]])
+WITH_MEMORY = [
+    hd.Equation(hd.Caputo(order), recalling_twice, y0, params=[1.0, 0.5], memory=memory)
+    for order, y0 in ((0.7, [1.0]), (1.6, [1.0, 0.4]))
+    for memory in (hd.Caputo(0.4), hd.Memory(hd.GammaDensity(3.0, 3.0), 0))
+]
+WITH_MATRICES = [
+    hd.Equation(MASS * hd.Caputo(order) + FRICTION * hd.Caputo(0.3), cubes, y0, params=[1.0])
+    for order, y0 in ((0.7, [1.0, 0.5]), (1.6, [[1.0, 0.5], [0.0, 0.2]]))
+]
+
+
+@pytest.mark.parametrize("how", [{"rtol": 1e-10}, {"n_steps": 200, "scheme": hd.BDF(2)}], ids=str)
+@pytest.mark.parametrize("place", range(6))
+def test_initial_values_beside_memory_and_matrices(place, how):
+    """Components that stand for memory have no initial values of their own."""
+    equation = [*WITH_MEMORY, *WITH_MATRICES][place]
+    if "n_steps" in how and place in (1, 3):
+        how = how | {"scheme": hd.L1()}
+    found = hd.sensitivities(equation, 2.0, **how)
+    y0 = equation.y0
+    assert found.by_y0.shape == (2, equation.d, y0.size)
+    for k, moved in enumerate(1e-4 * np.eye(y0.size)):
+        above, below = (
+            hd.solve(equation.replace(y0=y0 + sign * moved.reshape(y0.shape)), 2.0, **how).y[-1]
+            for sign in (1, -1)
+        )
+        assert found.by_y0[-1, :, k] == pytest.approx((above - below) / 2e-4, abs=1e-7)
+    by_runs = by_differences(equation, 0, 1e-4, **how)
+    assert found.by_params[-1, :, 0] == pytest.approx(by_runs, abs=1e-7)

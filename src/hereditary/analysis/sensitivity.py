@@ -89,7 +89,8 @@ def sensitivities(
     Parameters
     ----------
     equation : Equation
-        Of real y, orders up to 2 and compiled functions, without matrices.
+        Of real y, orders up to 2 and compiled functions, without delays. A matrix of coefficients
+        has no rows of zeros.
     t_end : float
         End of the run [time].
     n_steps : int, optional
@@ -143,7 +144,7 @@ def sensitivities(
     how |= {"rtol": rtol, "atol": atol}
     size = equation.params.size if "params" in kinds else 0
     system = replace(equation.system, by_params=size)
-    n_data = system.d + int(np.sum(system.second))
+    n_data = system.n_solved + int(np.sum(system.second))
     directions = np.eye(n_data)[:, : n_data if "y0" in kinds else 0]
     directions = np.hstack([np.zeros((n_data, size)), directions])
     span = t_last - start
@@ -228,7 +229,7 @@ def _kinds(wrt: Any, equation: Equation) -> tuple[str, ...]:
     if not kinds or not all(isinstance(kind, str) and kind in _KINDS for kind in kinds):
         refuse("wrt", f"hold some of {', '.join(_KINDS)}", repr(wrt))
     if not has_tangents(equation):
-        required = "be real and compiled, of orders up to 2, without matrices and delays"
+        required = "be real and compiled, of orders up to 2, without delays and rows of zeros"
         refuse("equation", required, repr(equation), "or take differences")
     if "params" in kinds and equation.params.size == 0:
         refuse("wrt", "leave out params, which the equation has none of", kinds)
