@@ -66,25 +66,6 @@ def velocity(
     return _against_time(solution, ax, 1, components, line)
 
 
-def _delayed_portrait(
-    solution: Solution, ax: Axes | None, which: Any, delay: float, line: dict[str, Any]
-) -> Axes:
-    """Draw y(t - delay) against y(t), from the start of the solution plus the delay on."""
-    t, _ = curve(solution, which)
-    t = t[t >= t[0] + delay]
-    if t.size < 2:
-        refuse("delay", "be shorter than the solution", delay)
-    now, before = solution(t)[:, which], solution(np.maximum(t - delay, solution.t[0]))[:, which]
-    with made(ax) as ax:
-        for x, y in zip(now.T, before.T, strict=True):
-            (drawn,) = ax.plot(x, y, **line)
-            ax.plot(x[0], y[0], "o", ms=4, color=drawn.get_color())
-        ax.set(xlabel="$y(t)$", ylabel=rf"$y(t - {delay:g})$", title="Phase portrait")
-        if "label" in line:
-            ax.legend()
-    return ax
-
-
 def phase_portrait(
     solution: Solution,
     ax: Axes | None = None,
@@ -115,10 +96,30 @@ def phase_portrait(
     -------
     matplotlib Axes
     """
+    now, other, labels = _phases(solution, components, delay)
+    with made(ax) as ax:
+        for x, y in zip(now.T, other.T, strict=True):
+            (drawn,) = ax.plot(x, y, **line)
+            ax.plot(x[0], y[0], "o", ms=4, color=drawn.get_color())
+        ax.set(xlabel=labels[0], ylabel=labels[1], title="Phase portrait")
+        if "label" in line:
+            ax.legend()
+    return ax
+
+
+def _phases(
+    solution: Solution, components: ArrayLike | None, delay: float | None
+) -> tuple[np.ndarray, np.ndarray, tuple[str, str]]:
+    """Return the values along both axes of a phase portrait, (k, m) each, and their labels."""
     d = solution.y.shape[1]
     if delay is not None:
-        which = chosen(components, d)
-        return _delayed_portrait(solution, ax, which, positive("delay", delay), line)
+        delay, which = positive("delay", delay), chosen(components, d)
+        t, _ = curve(solution, which)
+        t = t[t >= t[0] + delay]
+        if t.size < 2:
+            refuse("delay", "be shorter than the solution", delay)
+        before = solution(np.maximum(t - delay, solution.t[0]))[:, which]
+        return solution(t)[:, which], before, ("$y(t)$", rf"$y(t - {delay:g})$")
     pair = solution.ydot is None and d > 1
     which = chosen(components, d) if components is not None or not pair else [0, 1]
     if pair and len(which) != 2:
@@ -131,14 +132,7 @@ def phase_portrait(
         labels = "$x$", r"$\dot x$"
     _, columns = curve(solution, which, (0,) if pair else (0, 1))
     half = columns.shape[1] // 2
-    with made(ax) as ax:
-        for x, y in zip(columns.T[:half], columns.T[half:], strict=True):
-            (drawn,) = ax.plot(x, y, **line)
-            ax.plot(x[0], y[0], "o", ms=4, color=drawn.get_color())
-        ax.set(xlabel=labels[0], ylabel=labels[1], title="Phase portrait")
-        if "label" in line:
-            ax.legend()
-    return ax
+    return columns[:, :half], columns[:, half:], labels
 
 
 def fit(
