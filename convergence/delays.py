@@ -17,6 +17,7 @@ from functools import partial
 import mpmath
 import numpy as np
 from _study import Claim, chosen, curves, fastest, study
+from problems import MACKEY_GLASS, delayed_growth, delayed_growth_at, mackey_glass
 from scipy.special import gamma
 
 import hereditary as hd
@@ -25,24 +26,6 @@ T_END = 10.0
 CASES = [(alpha, k) for alpha in (0.3, 0.7, 1.0, 1.5) for k in (-2.0, 0.5)]
 TOLERANCES = [1e-4, 1e-5, 1e-6, 1e-7, 1e-8, 1e-9, 1e-10, 1e-11]
 SCHEMES = [hd.ExplicitCaputo(), hd.L1(), hd.Adams(), hd.BDF(2)]
-MACKEY_GLASS = {20.0: 0.95637921316, 60.0: 0.953997344661}
-
-
-def late(t, y, delayed, p):
-    return p[0] * delayed[0]
-
-
-def equation(alpha, k):
-    y0 = [1.0] if alpha <= 1 else [1.0, 0.0]
-    return hd.Equation(hd.Caputo(alpha), late, y0, params=[k], memory=hd.Delay(1.0))
-
-
-def exact(alpha, k, t):
-    """Values of the sum of powers, t (n,)."""
-    j = np.arange(int(T_END) + 2)
-    powers = np.maximum(t[:, None] - j + 1.0, 0.0) ** (j * alpha) / gamma(j * alpha + 1)
-    powers[:, 0] = 1.0
-    return powers @ k**j
 
 
 def predictor_corrector(alpha, k, n_steps):
@@ -85,8 +68,8 @@ def measure(quick):
 
 def rows_of(alpha, k, quick):
     """Rows of one equation, by all methods."""
-    given, rows, times = equation(alpha, k), [], np.linspace(0.25, T_END, 40)
-    known = exact(alpha, k, times)
+    given, rows, times = delayed_growth(alpha, k), [], np.linspace(0.25, T_END, 40)
+    known = delayed_growth_at(alpha, k, times)
     size = np.abs(known).max()
 
     def add(method, seconds, values, rtol="", n=""):
@@ -118,13 +101,7 @@ def rows_of(alpha, k, quick):
 
 def others():
     """Claims of equations that are no sums of powers."""
-    feedback = hd.Equation(
-        hd.Caputo(0.95),
-        lambda t, y, z: 2 * z[0] / (1 + z[0] ** 9.65) - y,
-        0.5,
-        memory=hd.Delay(2.0, past=0.5),
-    )
-    found = hd.solve(feedback, 60.0, rtol=1e-9, t_eval=list(MACKEY_GLASS)).y[:, 0]
+    found = hd.solve(mackey_glass(), 60.0, rtol=1e-9, t_eval=list(MACKEY_GLASS)).y[:, 0]
     error = float(np.abs(found - list(MACKEY_GLASS.values())).max())
     half = hd.Equation(hd.Caputo(1), lambda t, y, z: 0.5 * z[0] - y, 1.0, memory=hd.Delay(1.0))
     known = classical(T_END)

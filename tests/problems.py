@@ -304,3 +304,35 @@ def linear_and_rest(alpha, powers):
     return hd.Equation(
         hd.Caputo(alpha), rhs, y0, params, linear=[[-2.0, 1.0], [0.5, -1.0]]
     ), start * (1 + mu.size)
+
+
+def _late(t, y, delayed, p):
+    return p[0] * delayed[0]
+
+
+def delayed_growth(alpha, k):
+    """D^alpha y = k y(t - 1), with y = 1 up to 0."""
+    y0 = [1.0] if alpha <= 1 else [1.0, 0.0]
+    return hd.Equation(hd.Caputo(alpha), _late, y0, params=[k], memory=hd.Delay(1.0))
+
+
+def delayed_growth_at(alpha, k, t):
+    """Solution of `delayed_growth` at times t (n,): its Laplace transform is a sum over delays."""
+    j = np.arange(int(np.max(t)) + 2)
+    powers = np.maximum(t[:, None] - j + 1.0, 0.0) ** (j * alpha) * rgamma(j * alpha + 1)
+    powers[:, 0] = 1.0
+    return powers @ k**j
+
+
+# Values of `mackey_glass` at two times.
+MACKEY_GLASS = {20.0: 0.95637921316, 60.0: 0.953997344661}
+
+
+def mackey_glass():
+    """Mackey and Glass's equation of order 0.95 with the delay 2."""
+    return hd.Equation(
+        hd.Caputo(0.95),
+        lambda t, y, late: 2 * late[0] / (1 + late[0] ** 9.65) - y,
+        0.5,
+        memory=hd.Delay(2.0, past=0.5),
+    )

@@ -1,34 +1,17 @@
 """Delays that the right-hand side reads, to a tolerance and on given steps."""
 
-import math
 import pickle
 
 import matplotlib
 import numpy as np
 import pytest
 from cases import GIVEN
+from problems import MACKEY_GLASS, delayed_growth, delayed_growth_at, mackey_glass
 from scipy.special import gamma
 
 import hereditary as hd
 
 matplotlib.use("Agg")
-
-
-def late(t, y, z, p):
-    return p[0] * z[0]
-
-
-def series(alpha, k, t):
-    """D^alpha y = k y(t - 1), y = 1 before 0, by the method of steps for Laplace transforms."""
-    n = np.arange(math.floor(t) + 2)
-    powers = np.maximum(t - n + 1.0, 0.0) ** (n * alpha)
-    return float(np.sum(np.where(n == 0, 1.0, k**n * powers / gamma(n * alpha + 1))))
-
-
-def delayed(alpha, k):
-    return hd.Equation(
-        hd.Caputo(alpha), late, [1.0, 0.0][: math.ceil(alpha)], [k], memory=hd.Delay(1)
-    )
 
 
 # the rounding of a time next to a kink limits small orders
@@ -39,10 +22,10 @@ CASES = [(0.3, 1e-8), (0.7, 1e-11), (1.0, 1e-11), (1.5, 1e-11)]
 @pytest.mark.parametrize(("alpha", "tightest"), CASES)
 def test_the_tolerance_holds(alpha, tightest, k):
     times = np.linspace(0.5, 10.0, 20)
-    exact = np.array([series(alpha, k, t) for t in times])
+    exact = delayed_growth_at(alpha, k, times)
     size = np.abs(exact).max()
     for rtol in (1e-4, 1e-8, tightest):
-        found = hd.solve(delayed(alpha, k), 10.0, rtol=rtol)
+        found = hd.solve(delayed_growth(alpha, k), 10.0, rtol=rtol)
         assert found.success
         assert np.abs(found(times)[:, 0] - exact).max() < 10 * rtol * size
         assert found.stats["n_steps"] < 400
@@ -101,14 +84,18 @@ def end(equation=REACTS, **how):
 
 
 def test_mackey_and_glass():
-    eq = hd.Equation(
-        hd.Caputo(0.95),
-        lambda t, y, z: 2 * z[0] / (1 + z[0] ** 9.65) - y,
-        0.5,
-        memory=hd.Delay(2.0, past=0.5),
-    )
-    found = hd.solve(eq, 60.0, rtol=1e-9, t_eval=[20.0, 60.0]).y[:, 0]
-    assert found == pytest.approx([0.95637921316, 0.953997344661], abs=2e-8)
+    times, values = zip(*MACKEY_GLASS.items(), strict=True)
+    found = hd.solve(mackey_glass(), 60.0, rtol=1e-9, t_eval=times).y[:, 0]
+    assert found == pytest.approx(values, abs=2e-8)
+
+
+def test_switches():
+    def relayed(t, y, z):
+        return -0.8 * z[0] + (0.5 if y[0] > 0.0 else 0.0)
+
+    equation = hd.Equation(hd.Caputo(0.9), relayed, 1.0, memory=hd.Delay(1.0))
+    found = end(equation, switches=lambda t, y: y[0], **TIGHT)
+    assert found == pytest.approx(end(equation, n_steps=20_000, scheme=hd.BDF(2)), abs=1e-5)
 
 
 def test_resumed_runs_have_the_past_of_one_delay():
