@@ -221,7 +221,8 @@ def _check(equation: Equation, frequency: int, along: int | None) -> None:
     system = equation.system
     bare = not (system.frame.paired or system.frame.speeds)
     if not bare or system.varies or system.callbacks or system.delays:
-        refuse("equation", "be real and compiled, of constant orders up to 2", repr(equation))
+        required = "be real and compiled, of constant orders up to 2, without delays"
+        refuse("equation", required, repr(equation))
     p = equation.params.size
     numbers = {"frequency": frequency} | ({} if along is None else {"along": along})
     for name, number in numbers.items():

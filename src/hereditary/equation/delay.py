@@ -63,7 +63,7 @@ class Delay:
 
 
 class Earlier(NamedTuple):
-    """What a delay reads before the user's start, `origin`.
+    """The solution before the user's start, `origin`, as a delay reads it.
 
     - values: a function of the user's time, with values (d,), complex where y is.
     - first: y at `origin - tau`, (d,).

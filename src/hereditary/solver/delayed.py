@@ -48,7 +48,7 @@ class _Solved(NamedTuple):
 
 
 class _Remembered(NamedTuple):
-    """What a march with delays needs of its past.
+    """The past of a march with delays, and its tables.
 
     - solved, roots: pieces that a delay reaches, and times behind which kinks follow.
     - until: time up to which the tables hold; tables: their times and polynomials, for each delay.
