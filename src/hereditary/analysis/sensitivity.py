@@ -10,7 +10,6 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..equation.equation import Equation, current_equation
-from ..equation.system import System
 from ..given.history.history import History
 from ..given.steps import kept_steps
 from ..solver.opening import chooses_steps, how_to_step, open_stepper
@@ -187,7 +186,7 @@ def _at_steps(stepper: Any, stops: np.ndarray) -> list[np.ndarray]:
 def _between_steps(stepper: Any, times: np.ndarray) -> list[np.ndarray]:
     """March by steps of a tolerance; return rows ((1 + k) d,) at times on the way."""
     stepper.keep_tangents()
-    rows = [_settled(stepper.system, _columns(stepper))] if times[0] == 0.0 else []
+    rows = [_columns(stepper)] if times[0] == 0.0 else []
     d = stepper.y.size
     second = np.tile(stepper.system.second, _columns(stepper).size // d)
     while stepper.position < times[-1] and not stepper.trouble:
@@ -198,22 +197,6 @@ def _between_steps(stepper: Any, times: np.ndarray) -> list[np.ndarray]:
         if reached > len(rows):
             rows.extend(piece.evaluate(times[len(rows) : reached], second, 0))
     return rows
-
-
-def _settled(system: System, columns: np.ndarray) -> np.ndarray:
-    """Return y and its tangents at the start, ((1 + k) d,), where algebraic rows hold for these."""
-    bare = np.flatnonzero(system.algebraic)
-    if bare.size == 0 or system.read.any():
-        return columns
-    found = columns.reshape(-1, system.d).copy()
-    t, y = system.beside(0.0, 1), found[0]
-    jacobian = system.derivative(t, y)
-    jacobian = jacobian if system.structure is None else jacobian.toarray()
-    found[1:, bare] = 0.0
-    forces = found[1:] @ jacobian[bare].T
-    forces[: system.by_params] += system.derivatives_by_parameters(t, y)[:, bare]
-    found[1:, bare] = -np.linalg.solve(jacobian[np.ix_(bare, bare)], forces.T).T
-    return found.ravel()
 
 
 def _columns(stepper: Any) -> np.ndarray:

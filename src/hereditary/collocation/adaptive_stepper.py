@@ -17,7 +17,7 @@ from ..stepping.status import NOT_FINITE, Ending, Status, failed
 from ..stepping.stepper import Health, JumpingStepper, ResumableStepper, TangentStepper
 from ..stepping.times import breaks_ahead
 from ..support.checks import refuse
-from .algebraic import settled
+from .algebraic import settle_tangents, settled
 from .equations import integral_form
 from .error_estimate import SMALL, raise_small_once
 from .first_rule import convolutions, first_rule
@@ -334,6 +334,7 @@ class AdaptiveStepper(ResumableStepper, TangentStepper, JumpingStepper):
         self._orders = OrderTables(form.varying, s)
         self._transforms = shortened_legendre(s)
         y0 = initial_unknowns(marched, form.second == 1, view.directions(directions))
+        settle_tangents(system, y0)
         self._orbit = OrbitAndTangents(form, y0, s)
         self._state = initial_state(t_end, *np.abs([self._orbit.p[0], self._orbit.x[0]]))
         self._at_singular_start, self._largest_error, self._kept = True, 0.0, 1

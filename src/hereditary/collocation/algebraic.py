@@ -42,6 +42,13 @@ def _jacobian(system, t, x, rows):
     return (found if system.structure is None else found.toarray())[rows]
 
 
+def _residual(system, t, x, rows, rtol):
+    """Return f of these rows, and what an error of x by the tolerance makes of it, (k,) each."""
+    with np.errstate(all="ignore"):
+        noise = rtol * (np.abs(_jacobian(system, t, x, rows)) @ np.abs(x))
+    return system.force(t, x)[rows], noise + LEAST
+
+
 def _solve(system, t, x, rows, columns):
     """Return what f reads, x (d,), with unknowns that solve the rows; None without convergence."""
     x = x.copy()
@@ -76,12 +83,11 @@ def check_start(system, rtol, atol):
         return
     x, t = system.at_start, system.beside(0.0, 1)
     _check_index(system, t, x, rows, columns)
-    force = system.force(t, x)[rows]
+    force, noise = _residual(system, t, x, rows, rtol)
     y, d = system.y0[0], system.n_solved
     with np.errstate(all="ignore"):
-        noise = rtol * (np.abs(_jacobian(system, t, x, rows)) @ np.abs(x))
         at_once = np.minimum(np.abs(force), np.abs(system.force(0.0, x)[rows]))
-    if np.all(at_once <= noise + LEAST):
+    if np.all(at_once <= noise):
         return
     found = _solve(system, t, x, rows, columns)
     own = rows[rows == columns]
@@ -111,10 +117,8 @@ def _name_tiny(system, rtol):
     tiny = np.flatnonzero((largest > 0) & (largest < _NEXT_TO_0 * largest.max()))
     if tiny.size == 0:
         return
-    force = system.force(t, x)[tiny]
-    with np.errstate(all="ignore"):
-        noise = rtol * (np.abs(_jacobian(system, t, x, tiny)) @ np.abs(x))
-    wrong = np.abs(force) > noise + LEAST
+    force, noise = _residual(system, t, x, tiny, rtol)
+    wrong = np.abs(force) > noise
     if wrong.any():
         c, residual = tiny[wrong][0], force[wrong][0]
         warn(
@@ -148,6 +152,24 @@ def settled(system, t, x):
     """
     found = _solve(system, t, x, *_unknowns(system))
     return x if found is None else found
+
+
+def settle_tangents(system, values):
+    """Let tangents at the start satisfy algebraic rows; values (1 + k, m, d) of orbit and tangents.
+
+    That is where the unknowns of the rows are components, and not derivatives that f reads.
+    """
+    bare = np.flatnonzero(system.algebraic)
+    if bare.size == 0 or len(values) == 1 or system.read.any():
+        return
+    t, y, tangents = system.beside(0.0, 1), values[0, 0], values[1:, 0]
+    rows = _jacobian(system, t, y, bare)
+    if not _regular(rows[:, bare]):  # as it may be at the start alone
+        return
+    tangents[:, bare] = 0.0
+    forces = tangents @ rows.T
+    forces[: system.by_params] += system.derivatives_by_parameters(t, y)[:, bare]
+    tangents[:, bare] = -np.linalg.solve(rows[:, bare], forces.T).T
 
 
 def derivatives_at_start(system):

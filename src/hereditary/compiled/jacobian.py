@@ -156,7 +156,7 @@ def sparse_jacobian(functions, t, y, units, out):
 @inner(allocates=True)
 def add_derivative_by(k, functions, t, y, out):
     """Add df / dp_k, by central differences, to out (d,); return the number of calls of `rhs`."""
-    rhs, n, d = functions.rhs, functions.params.shape[0], y.shape[0]
+    rhs, n, d, calls = functions.rhs, functions.params.shape[0], y.shape[0], 2
     up, down, params = np.zeros(d), np.zeros(d), np.empty(n)  # f sets no memory that it reads
     for i in range(n):
         params[i] = functions.params[i]
@@ -170,9 +170,10 @@ def add_derivative_by(k, functions, t, y, out):
     width -= params[k]
     if not finite_between(d, up, down):
         extend(rhs, t, y, functions.params, up, down)
+        calls += 1
     for i in range(d):
         out[i] += (up[i] - down[i]) / width
-    return 2
+    return calls
 
 
 def right_side(rhs, jac, params, sparse, by_params=0):

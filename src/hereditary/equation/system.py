@@ -254,7 +254,8 @@ class System:
     def derivatives_by_parameters(self, t: float, y: np.ndarray) -> np.ndarray:
         """Return d rhs / d p at (t, y) by the first `by_params` parameters, (by_params, d)."""
         out = np.empty((self.by_params, self.d))
-        derivatives_by_parameters(self.compiled, float(t), np.array(y, dtype=float), out)
+        if self.by_params:
+            derivatives_by_parameters(self.compiled, float(t), np.array(y, dtype=float), out)
         return out
 
     @cached_property
