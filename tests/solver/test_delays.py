@@ -215,6 +215,61 @@ def test_plots_of_the_delayed_value():
     assert y[0] == pytest.approx(0.5)
 
 
+def mackey_glass_with_tangent():
+    """Mackey and Glass's equation, and its derivative by y0 and by the past, which is y0."""
+
+    def rhs(t, y, late):
+        x, tangent = late[0]
+        power = x**9.65
+        slope = (1 + power - 9.65 * power) / (1 + power) ** 2
+        return 2 * np.array([x / (1 + power), slope * tangent]) - y
+
+    return hd.Equation(hd.Caputo(0.95), rhs, [0.5, 1.0], memory=hd.Delay(2.0))
+
+
+@pytest.mark.parametrize("renorm", [None, 0.5, 5.0])
+@pytest.mark.parametrize("scheme", [hd.ExplicitCaputo(), hd.Adams(), hd.BDF(2), hd.L1()], ids=repr)
+def test_pairs_grow_as_the_tangent(scheme, renorm):
+    exact = hd.solve(mackey_glass_with_tangent(), 40.0, 2000, scheme=scheme).y[:, 1]
+    found = hd.lyapunov(
+        mackey_glass(), 40.0, 2000, mode="pair", scheme=scheme, renorm=renorm, verify=False,
+        directions=[[1.0]],
+    )  # fmt: skip
+    assert found.times.size > 5
+    steps = np.rint(found.times / 0.02).astype(int)
+    # next to zeros of the tangent orbits are drawn far apart
+    allowed = 1e-4 * np.abs(exact).max()
+    assert np.exp(found.log_growth[:, 0]) == pytest.approx(np.abs(exact[steps]), abs=allowed)
+    assert found.y[0] == pytest.approx(hd.solve(mackey_glass(), 40.0, 2000, scheme=scheme).y[-1, 0])
+
+
+WHOLE = hd.Delay(1.0)
+SWINGING = hd.Delay(lambda t: 1 + 0.5 * np.sin(t))
+
+
+@pytest.mark.parametrize("delays", [[WHOLE], [hd.Delay(0.61), SWINGING]], ids=len)
+@pytest.mark.parametrize("order", [0.7, 1.0, 1.8, 2.0])
+def test_pairs_of_a_linear_equation_grow_as_a_solution(order, delays):
+    def rhs(t, y, late):
+        return 0.4 * late[0] - 0.3 * late[-1] - 0.2 * y
+
+    def equation(initial):
+        return hd.Equation(hd.Caputo(order), rhs, initial, memory=delays)
+
+    direction = np.array([0.6, 0.8] if order > 1 else [1.0])
+    found = hd.lyapunov(
+        equation(0.5 * direction), 10.0, 1000, mode="pair", renorm=0.25, verify=False,
+        directions=direction[:, None], separation=1e-3,
+    )  # fmt: skip
+    scheme = found.settings["scheme"]
+    moved = hd.solve(equation(direction), 10.0, 1000, scheme=scheme)
+    tangent = np.column_stack([moved.y, moved.ydot] if order > 1 else [moved.y])
+    exact = np.linalg.norm(tangent[np.rint(found.times / 0.01).astype(int)], axis=1)
+    # inside the first two steps, delayed values come from parabolas
+    allowed = 1e-8 if delays == [WHOLE] else 1e-5
+    assert np.exp(found.log_growth[:, 0]) == pytest.approx(exact, abs=allowed)
+
+
 def simple(**delay):
     return hd.Equation(hd.Caputo(0.9), lambda t, y, z: -z[0], 1.0, memory=hd.Delay(**delay))
 
@@ -233,7 +288,8 @@ REFUSED = [
     (lambda: hd.solve(simple(tau=lambda t: 1 + 2 * t), 3.0), "tau must grow slower than t"),
     (lambda: hd.solve(simple(tau=0.1), 5.0, 40), "tau must be at least a step h on given steps"),
     (lambda: hd.sensitivities(REACTS, 2.0, **TIGHT), "without delays"),
-    (lambda: hd.lyapunov(REACTS, 2.0, **TIGHT), "equation must read no delays for exponents"),
+    (lambda: hd.lyapunov(REACTS, 2.0, **TIGHT), 'mode must be "pair" with delays'),
+    (lambda: hd.lyapunov(REACTS, 2.0, mode="pair", **TIGHT), 'mode must be "tangent" with Coll'),
     (lambda: REACTS.jacobian(0.0, [0.5]), "rhs must read no memory"),
     (
         lambda: hd.plots.phase_portrait(hd.solve(REACTS, END, **TIGHT), delay=9.0),

@@ -24,7 +24,7 @@ from ..equation.equation import Equation, current_equation
 from ..equation.system import System
 from ..given.history.exponentials import SumOfExponentials
 from ..given.history.history import History
-from ..given.opening import open_pairs
+from ..given.pairs import Pairs
 from ..given.schemes.adams import Adams
 from ..given.schemes.bdf import BDF
 from ..given.schemes.explicit import ExplicitCaputo
@@ -142,8 +142,8 @@ def lyapunov(
         order above 1).
     mode : {"tangent", "pair"}
         "pair" solves neighbouring orbits, and rescales their whole histories at intervals. It is
-        for right-hand sides without a derivative. If these jump, use a `separation` of 1e-3 to
-        1e-2, so that orbits meet the jump in different steps.
+        for right-hand sides without a derivative, and for delays. If right-hand sides jump, use a
+        `separation` of 1e-3 to 1e-2, so that orbits meet the jump in different steps.
     scheme : Scheme, optional
         `Collocation` by default if `rtol` is given or `n_steps` is not. With `n_steps` alone the
         default is a scheme of second order if one covers the equation. This is `Adams` for
@@ -321,9 +321,9 @@ def _run(
     if equation.system.algebraic.any():
         required = "have a derivative of every component for exponents"
         refuse("equation", required, repr(equation), "solve rows without one in rhs")
-    if equation.system.delays:
-        required = "read no delays for exponents, whose tangents would have delayed values too"
-        refuse("equation", required, repr(equation))
+    if equation.system.delays and mode == "tangent":
+        remedy = "take mode='pair' with a scheme of given steps, e.g. Adams()"
+        refuse("mode", 'be "pair" with delays, which tangents do not see', repr(mode), remedy)
     system, most = marched(equation.system, scheme), n_data(equation.system)
     if history is None and not chooses_steps(scheme):
         history = SumOfExponentials()
@@ -340,10 +340,11 @@ def _run(
     separation = _separation(separation, equation)
     directions = _directions(directions, int(seed), k, most)
 
+    opened = partial(open_stepper, scheme=scheme, history=history, how=how, t_end=t_end)
     if mode == "pair":
-        stepper = open_pairs(system, scheme, history, how, directions, separation)
+        stepper = Pairs(lambda system: opened(system)[0], system, directions, separation)
     else:
-        stepper, _ = open_stepper(system, scheme, history, how, t_end, directions=directions)
+        stepper, _ = opened(system, directions=directions)
     plain = memory(system) == "none" and not equation.system.read.any()
     flow = Divergence(system, h) if mode == "tangent" and plain and k == most else None
     unit = stepper.stop_at(h).position
@@ -416,8 +417,11 @@ def _found(
 
 
 def _without_jumps(result: LyapunovResult, system: System, states: list[_Moment]) -> LyapunovResult:
-    """Return the result; without verdicts, and with a warning, if f jumps along the orbit."""
-    if system.read.any() or not _jumps(system, states):
+    """Return the result; without verdicts, and with a warning, if f jumps along the orbit.
+
+    Jumps of an f that reads memory are not looked for.
+    """
+    if system.read.any() or system.delays or not _jumps(system, states):
         return result
     clause = f"{_JUMPS}: smooth it, for example sign(x) as tanh(x / eps), and let eps decrease, "
     clause += "or take mode='pair' with a separation of 1e-3 to 1e-2"
@@ -624,7 +628,7 @@ def marched(system: System, scheme: Scheme) -> System:
     Increments kept apart from t x'(0), as most schemes keep them above order 1, lose a tangent that
     has decayed to their rounding. With memory none decays so far.
     """
-    if scheme.whole or system.m == 1 or memory(system) != "none":
+    if scheme.whole or system.m == 1 or memory(system) != "none" or system.delays:
         return system
     return reduced(system.dense())[0]
 

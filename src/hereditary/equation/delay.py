@@ -79,11 +79,13 @@ class Delayed(NamedTuple):
     """A delay of a system, whose times count from its start.
 
     - place, capacity: where its table begins among the parameters, and its most polynomials.
+    - lift: what is added to the past, (d,): a neighbouring orbit begins in a displaced past.
     """
 
     past: Earlier
     place: int
     capacity: int
+    lift: np.ndarray
 
     def ago(self, t: np.ndarray) -> np.ndarray:
         """Return the times t - tau(t), the shape of t."""
@@ -93,7 +95,14 @@ class Delayed(NamedTuple):
         """Return y before the start, at times t (n,), shape (n, d) in real components."""
         values, dtype = self.past.values, self.past.first.dtype
         rows = [np.asarray(values(self.past.origin + each), dtype) for each in t.tolist()]
-        return np.array(rows, dtype).reshape(len(rows), -1).view(float)
+        return np.array(rows, dtype).reshape(len(rows), -1).view(float) + self.lift
+
+    def lifted(self, lift: np.ndarray, params: np.ndarray) -> Delayed:
+        """Return the delay with a past displaced by `lift` (d,), as its table at the start is."""
+        times, coefficients = self.content(params)
+        coefficients[..., 0] += lift
+        self.fill(params, times, coefficients)
+        return self._replace(lift=self.lift + lift)
 
     def content(self, params: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return a table as `fill` takes it, copied."""
@@ -172,7 +181,7 @@ def reading(
     for k, past in enumerate(pasts):
         if past:
             places[k] = len(pasts) + len(found) * size
-            found.append(Delayed(past, params.size + int(places[k]), capacity))
+            found.append(Delayed(past, params.size + int(places[k]), capacity, np.zeros(d)))
     tables = np.zeros(len(found) * size)
     tables[1::size] = capacity
     values = np.concatenate([params, places, tables, [len(pasts), d, params.size]])

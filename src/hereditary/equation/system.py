@@ -361,10 +361,15 @@ def _repeated(system: System, times: int, y0: np.ndarray, rhs: Any) -> System:
 
 
 def displaced(system: System, y0: np.ndarray, params: np.ndarray | None = None) -> System:
-    """Return the system with other initial values (m, n_solved) and first parameters (p,)."""
+    """Return the system with other initial values (m, n_solved) and first parameters (p,).
+
+    Delays read a past that is displaced as y(0) is.
+    """
     values = system.compiled_params.copy()
     if params is not None:
         values[: params.size] = params
+    lift = y0[0] - system.y0[0, : system.n_solved]
+    delays = tuple(delay.lifted(lift, values) for delay in system.delays)
     y0 = np.take(y0, system.sources, axis=1)
     y0.flags.writeable = False
-    return replace(system, y0=y0, compiled_params=values)
+    return replace(system, y0=y0, compiled_params=values, delays=delays)

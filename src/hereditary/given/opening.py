@@ -8,7 +8,6 @@ from ..support.checks import complaint, count, left_out, refuse, shown, whole
 from .fixed_stepper import FixedStepper
 from .history.exponentials import SumOfExponentials
 from .members import MemberStepper
-from .pairs import Pairs
 from .steps import COUNTED, MeshSteps, UniformSteps, mesh_steps, steps_in
 
 # Least decimal logarithm of the power of the step that schemes may have to divide by.
@@ -73,15 +72,6 @@ def open_members(system, scheme, history, how, *members):
     """Return a `MemberStepper`; `members` are params (E, p), y0 (E, m, d), and perhaps a plan."""
     history = history or SumOfExponentials()
     return _prepared(MemberStepper(system, scheme, history, how, how.n, *members), how.n)
-
-
-def open_pairs(system, scheme, history, how, directions, separation):
-    """Return `Pairs` of orbits that begin in these directions (n_data, k), apart by a distance."""
-
-    def opened(system):
-        return open_given(system, scheme, history, how, None, False, None)[0]
-
-    return Pairs(opened, system, directions, separation)
 
 
 def _prepared(stepper, n):

@@ -16,7 +16,7 @@ class Pairs(TangentStepper):
     Parameters
     ----------
     opened : callable
-        ``opened(system)`` returns a `FixedStepper`.
+        ``opened(system)`` returns a stepper on given steps at its start.
     system : System
     directions : ndarray, shape (n_data, k)
     separation : float

@@ -15,7 +15,7 @@ from numpy.polynomial.chebyshev import chebvander
 
 from ..equation.delay import N_COEFFICIENTS, NODES, TO_COEFFICIENTS, Delayed
 from ..equation.system import System
-from ..stepping.dense import Piece
+from ..stepping.dense import Piece, StepPieces
 from ..stepping.state import State, layout_of
 from ..stepping.status import Ending, failed
 from ..stepping.stepper import JumpingStepper, ResumableStepper
@@ -52,12 +52,14 @@ class _Remembered(NamedTuple):
 
     - solved, roots: pieces that a delay reaches, and times behind which kinks follow.
     - until: time up to which the tables hold; tables: their times and polynomials, for each delay.
+    - lifts: by how much the past of each delay is displaced.
     """
 
     solved: tuple[_Solved, ...]
     roots: tuple[float, ...]
     until: float
     tables: tuple[tuple[np.ndarray, np.ndarray], ...]
+    lifts: tuple[np.ndarray, ...]
 
 
 class DelayedStepper(ResumableStepper, JumpingStepper):
@@ -222,6 +224,27 @@ class DelayedStepper(ResumableStepper, JumpingStepper):
         """Return those of the inner stepper."""
         return self._inner.stats()
 
+    def parts(self) -> list[np.ndarray]:
+        """Return every array that is linear in the solution, also of delayed rows, on given steps.
+
+        Their numbers may be replaced: the next step fills the tables anew. From then on the first
+        two steps of a run are parabolas for delays too, as all others are.
+        """
+        self._until = self._inner.t
+        parts = [*self._inner.parts(), *(delay.lift for delay in self._delays)]
+        if not self._solved:
+            return parts
+        first = min(float(delay.ago(np.array([self._until]))[0]) for delay in self._delays)
+        pieces: list[Any] = [each.piece for each in self._solved]
+        times, rows, slopes = (
+            np.concatenate([getattr(pieces[0], name)[:1], *(getattr(p, name)[1:] for p in pieces)])
+            for name in ("times", "rows", "slopes")
+        )
+        start = max(int(np.searchsorted(times, first, side="right")) - 1, 0)
+        piece = StepPieces(times[start:], rows[start:], slopes[start:])
+        self._solved = [_Solved(float(times[start]), self._until, piece)]
+        return [*parts, piece.rows, piece.slopes]
+
     def checkpoint(self) -> tuple:
         """Return copies of all that the march consists of."""
         return self._inner.checkpoint(), self._remembered()
@@ -229,14 +252,18 @@ class DelayedStepper(ResumableStepper, JumpingStepper):
     def _remembered(self) -> _Remembered:
         """Return what delays reach, and the tables."""
         tables = tuple(delay.content(self._inner.live_params) for delay in self._delays)
-        return _Remembered(tuple(self._solved), tuple(self._roots), self._until, tables)
+        lifts = tuple(delay.lift.copy() for delay in self._delays)
+        return _Remembered(tuple(self._solved), tuple(self._roots), self._until, tables, lifts)
 
     def remember(self, remembered: _Remembered) -> None:
         """Take over what delays reach; the inner stepper is already there."""
         self._solved, self._roots = list(remembered.solved), list(remembered.roots)
         self._until = remembered.until
-        for delay, table in zip(self._delays, remembered.tables, strict=True):
+        for delay, table, lift in zip(
+            self._delays, remembered.tables, remembered.lifts, strict=True
+        ):
             delay.fill(self._inner.live_params, *table)
+            delay.lift[:] = lift
 
     def come_back(self, checkpoint: tuple) -> None:
         """Come back to where `checkpoint` was taken."""
