@@ -13,6 +13,7 @@ from typing import Any
 
 import numba
 import numpy as np
+import pytest
 
 import hereditary as hd
 from hereditary.schemes import Scheme
@@ -317,3 +318,44 @@ def chosen(*tags, **wanted):
         if case.family.tags.issuperset(tags)
         and all(getattr(case, name) == value for name, value in wanted.items())
     ]
+
+
+# Users see other components than those that are marched.
+FRAMED = {"complex", "enlarged", "matrix"}
+TANGENTS = [c for c in CASES if c.scheme.takes_tangents and c.family.tags.isdisjoint(FRAMED)]
+# What rounding, and Newton's method, leave of laws that are exact otherwise, relative to |y|.
+ROUNDING = 3e-11
+# Steps of runs over more than two parts of FFT.
+LONG = 2300
+DIRECT = HISTORIES[0]
+
+
+def over(cases):
+    return pytest.mark.parametrize("case", cases, ids=str)
+
+
+def assert_close(found, expected, case, bound=ROUNDING):
+    """Compare within rounding, or ten times the tolerance of a run that has one."""
+    bound = bound if case.given else 10 * RTOL
+    assert np.abs(found - expected).max() <= bound * np.abs(expected).max()
+
+
+# Schemes that take first orders and tangents, and scenes whose exponents they compute.
+FIRST_ORDER = [
+    hd.ExplicitCaputo(),
+    hd.GrunwaldLetnikov(),
+    hd.L1(),
+    hd.L12(),
+    hd.L2(),
+    hd.L2Sigma(),
+    hd.BDF(2),
+    hd.Adams(),
+    hd.ProductTrapezoid(),
+]
+SECOND_ORDER = [hd.ExplicitCaputo(), hd.GrunwaldLetnikov(), hd.L1(), hd.BDF(2)]
+ORBITS = [
+    *((scheme, lambda: hd.scenes.lorenz(alpha=0.98)) for scheme in FIRST_ORDER),
+    *((scheme, lambda: hd.scenes.stick_slip(beta=1.7, gamma=0.6)) for scheme in SECOND_ORDER),
+    (hd.L2Sigma(), lambda: hd.scenes.duffing(beta=1.8, friction=0.0)),
+    (hd.ProductTrapezoid(), lambda: hd.scenes.duffing(beta=1.8, friction=0.0)),
+]

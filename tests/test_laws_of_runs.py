@@ -6,68 +6,31 @@ import numpy as np
 import pytest
 from cases import (
     CASES,
+    DIRECT,
     EVERY,
     HISTORIES,
+    LONG,
     N_STEPS,
-    RTOL,
+    ROUNDING,
     SCHEMES,
     T_END,
+    TANGENTS,
     TOL,
+    assert_close,
     backward,
     beside_another,
     chosen,
     estimated,
+    over,
     spiral,
 )
 
 import hereditary as hd
-from hereditary.given.fixed_stepper import FixedStepper
-from hereditary.given.steps import UniformSteps, mesh_steps
 
-# What rounding, and Newton's method, leave of laws that are exact otherwise, relative to |y|.
-ROUNDING = 3e-11
-# Steps of runs over more than two stretches of FFT.
-LONG, DIRECT = 2300, HISTORIES[0]
-# Users see other components than those that are marched.
-FRAMED = {"complex", "enlarged", "matrix"}
 UNIFORM = chosen(steps="uniform")
 # One history is enough where it does not enter.
 ALSO_MESHES = [c for c in CASES if c.history in (None, HISTORIES[2])]
 ONCE = [c for c in ALSO_MESHES if c.steps != "mesh"]
-
-
-def over(cases):
-    return pytest.mark.parametrize("case", cases, ids=str)
-
-
-def marched(case, equation, n=N_STEPS, stops=(), **more):
-    """March over n given steps; tangents are combined by each matrix of `stops`, {step: matrix}."""
-    steps = UniformSteps(T_END / n)
-    if case.steps == "mesh":
-        steps = mesh_steps(hd.graded(n, 2.0), T_END)
-    stepper = FixedStepper(equation.system, case.scheme, case.history, steps, n, **more)
-    for stop in (*stops, n):
-        while stepper.n < stop:
-            stepper.advance(stop, keep=False)
-        if stop in stops:
-            stepper.transform_tangent(stops[stop])
-    return stepper
-
-
-def values(stepper):
-    """Return y, and y' of components of order above 1: what tangents are derivatives of."""
-    return np.append(stepper.y, stepper.ydot[stepper.system.second])
-
-
-def random_directions(equation, k=2):
-    n = equation.d + np.sum(equation.system.second)
-    return np.random.default_rng(1).normal(size=(n, k))
-
-
-def assert_close(found, expected, case, bound=ROUNDING):
-    """Compare within rounding, or ten times the tolerance of a run that has one."""
-    bound = bound if case.given else 10 * RTOL
-    assert np.abs(found - expected).max() <= bound * np.abs(expected).max()
 
 
 @over(EVERY)
@@ -111,12 +74,6 @@ def test_a_run_that_was_stopped_goes_on_as_one(case, cut):
         first = case.solve(0.5 + 0.02 * cut)
         rest = hd.solve(case.equation(), T_END, resume=pickle.loads(pickle.dumps(first.state)))
         assert_close(rest.y[-1], through.y[-1], case)
-
-
-@over([case for case in UNIFORM if "varying" not in case.family.tags])
-def test_the_length_of_blocks_does_not_matter(case):
-    ends = [marched(case, case.equation(), block=block).y for block in (2, 7, 32, 100)]
-    assert_close(np.array(ends), ends[0], case, 1e-11)
 
 
 @pytest.mark.parametrize("steps", ["uniform", "mesh"])
@@ -216,44 +173,6 @@ def test_bands_give_the_numbers_of_dense_jacobians(case):
     assert_close(case.solution().y[-1], dense.y[-1], case)
     if getattr(case.scheme, "solve", "") == "newton":
         assert case.solution().stats["n_rhs"] < dense.stats["n_rhs"]
-
-
-TANGENTS = [c for c in CASES if c.scheme.takes_tangents and c.family.tags.isdisjoint(FRAMED)]
-
-
-@over([case for case in TANGENTS if case.given and case.history in (None, HISTORIES[2])])
-def test_tangents_are_difference_quotients(case):
-    """Of the discrete solution with given steps."""
-    equation = case.equation()
-    d, above = equation.d, equation.system.second
-    directions = random_directions(equation)
-    tangent = marched(case, equation, directions=directions).tangent
-    for k in range(2):
-        ends = []
-        for by in (1e-5, -1e-5):
-            y0 = equation.y0.copy()
-            y0[0] += by * directions[:d, k]
-            y0[1:, above] += by * directions[d:, k]
-            moved = equation.replace(y0=y0 if len(y0) > 1 else y0[0])
-            ends.append(values(marched(case, moved)))
-        quotient = (ends[0] - ends[1]) / 2e-5
-        assert_close(tangent[:, k], quotient, case, 1e-6)
-
-
-@over([case for case in TANGENTS if case.given])
-def test_combined_tangents_go_on_as_the_combination(case):
-    """Linear in all they hold; combined before, in and at the ends of blocks and of FFT's parts."""
-    n, at = (LONG, (1, 33, 1024, 2051)) if case.history == HISTORIES[1] else (N_STEPS, (1, 5, 32))
-    equation, stops = case.equation(), {k: np.array([[0.7, -1.3], [0.4, 2 + 1 / k]]) for k in at}
-    directions = random_directions(equation)
-    plain = marched(case, equation, n, directions=directions)
-    mixed = marched(case, equation, n, stops, directions=directions)
-    expected = plain.tangent @ np.linalg.multi_dot([np.eye(2), *stops.values()])
-    assert_close(mixed.tangent, expected, case, 1e-9)
-    assert np.array_equal(mixed.y, plain.y)
-    one = marched(case, equation, n, directions=directions[:, :1])
-    assert_close(one.y, plain.y, case, 1e-13)
-    assert_close(one.tangent, plain.tangent[:, :1], case, 1e-10)
 
 
 @over([c for c in TANGENTS if not c.given and "memory" not in c.family.tags])

@@ -1,4 +1,6 @@
-"""Special functions and moments keep every digit."""
+"""Special functions and moments keep every digit; kernels share the rates of one sum."""
+
+import math
 
 import mpmath
 import numpy as np
@@ -6,7 +8,9 @@ import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
+import hereditary as hd
 from hereditary.given.row_plan import moments
+from hereditary.kernels.exponential_sum import bank_of_all_orders, fit_unit, weights_of_orders
 from hereditary.kernels.special import (
     alternating_power_sum,
     alternating_sum,
@@ -95,3 +99,31 @@ def test_moments_of_steps_of_a_mesh(p):
         found = moments(low, width, p)
         assert found[0] == pytest.approx(float(m_0), rel=1e-14)
         assert found[1] == pytest.approx(float(m_1), rel=1e-13)
+
+
+def test_kernels_share_one_bank():
+    alone = sum(fit_unit((a,), 2e5, 1e-10).rates.size for a in (0.8, 0.6))
+    rates, weights, error, _ = fit_unit((0.6, 0.8), 2e5, 1e-10)
+    assert rates.size <= 0.7 * alone
+    assert error <= 1e-10
+    t = np.exp(np.linspace(0, math.log(2e5), 20_001))[:-1]
+    table = np.exp(-np.multiply.outer(t, rates))
+    for row, a in zip(weights, (0.6, 0.8), strict=True):
+        assert np.abs(table @ row * t**a - 1).max() <= 1e-10
+
+
+@pytest.mark.parametrize("tol", [1e-4, 1e-7, 1e-10, 1e-13])
+@pytest.mark.parametrize("ratio", [1e3, 2e7])
+def test_one_set_of_rates_serves_every_order(ratio, tol):
+    """Relative error below tol at 20,001 points for all exponents; weights positive; not idle."""
+    rates, _, _ = bank_of_all_orders(ratio, tol)
+    t = np.exp(np.linspace(0.0, math.log(ratio), 20_001))
+    exponents = np.concatenate([[1e-300, 1e-9, 1e-4], np.linspace(0.01, 1.0, 34)])
+    weights = weights_of_orders(np.array(exponents), ratio, tol).T
+    assert np.all(weights >= 0)
+    decays = np.exp(-np.multiply.outer(t, rates))
+    errors = np.abs(decays @ weights.T * t[:, None] ** exponents - 1).max(axis=0)
+    assert errors.max() < max(tol, 3e-14)
+    assert errors[-1] > 0.5 * tol
+    alone = hd.fit_exponentials(hd.PowerLaw(0.5), 1.0, ratio, tol).n_modes
+    assert alone < rates.size < 2 * alone

@@ -4,38 +4,15 @@ import signal
 
 import numpy as np
 import pytest
+from cases import FIRST_ORDER, ORBITS, SECOND_ORDER
 from problems import observed_order
 from pymittagleffler import mittag_leffler
 
 import hereditary as hd
-from hereditary.compiled.records import record
-from hereditary.compiled.schedule import SCHEDULE
-from hereditary.given.steps import UniformSteps
-from hereditary.solver.opening import open_stepper
-from hereditary.stepping.status import Ending
-from hereditary.stepping.stepper import TangentStepper
 
 DIRECT = hd.Direct()
 HISTORIES = [DIRECT, hd.FFT(), hd.SumOfExponentials()]
 EXPLICIT = hd.ExplicitCaputo()
-FIRST_ORDER = [
-    EXPLICIT,
-    hd.GrunwaldLetnikov(),
-    hd.L1(),
-    hd.L12(),
-    hd.L2(),
-    hd.L2Sigma(),
-    hd.BDF(2),
-    hd.Adams(),
-    hd.ProductTrapezoid(),
-]
-SECOND_ORDER = [EXPLICIT, hd.GrunwaldLetnikov(), hd.L1(), hd.BDF(2)]
-CASES = [
-    *((scheme, lambda: hd.scenes.lorenz(alpha=0.98)) for scheme in FIRST_ORDER),
-    *((scheme, lambda: hd.scenes.stick_slip(beta=1.7, gamma=0.6)) for scheme in SECOND_ORDER),
-    (hd.L2Sigma(), lambda: hd.scenes.duffing(beta=1.8, friction=0.0)),
-    (hd.ProductTrapezoid(), lambda: hd.scenes.duffing(beta=1.8, friction=0.0)),
-]
 ML = mittag_leffler
 
 
@@ -46,7 +23,7 @@ def alone(*arguments, **settings):
 
 @pytest.mark.parametrize("history", HISTORIES, ids=str)
 @pytest.mark.parametrize(
-    ("scheme", "scene"), CASES, ids=lambda v: repr(v) if v in FIRST_ORDER else ""
+    ("scheme", "scene"), ORBITS, ids=lambda v: repr(v) if v in FIRST_ORDER else ""
 )
 def test_exponents_do_not_depend_on_the_interval(scheme, scene, history):
     """Renormalisation invariance, the property that a forgotten part of the memory breaks."""
@@ -56,75 +33,6 @@ def test_exponents_do_not_depend_on_the_interval(scheme, scene, history):
         for renorm in (0.05, 0.5, 5.0, None)
     ]
     assert np.ptp(found, axis=0).max() < 1e-9
-
-
-class Euler(TangentStepper):
-    """Euler steps of x'' + 2.5 x' + x = 0, or by another matrix, up to the one that fails."""
-
-    t = y = position = tangent = None
-
-    def __init__(self, last=np.inf, step=((1.0, 0.01), (-0.01, 0.975))):
-        self.last, self.step = last, np.array(step)
-        self.position, self.y, self.tangent = 0, np.array([1.0, 0.0]), np.eye(2)
-
-    @property
-    def trouble(self):
-        return Ending(hd.Status.RHS_FAILED, "as asked") if self.position >= self.last else None
-
-    def advance(self, stop, keep=True):
-        self.y, self.tangent = self.step @ self.y, self.step @ self.tangent
-        self.position += 1
-
-    def checkpoint(self):
-        return ()
-
-    def come_back(self, checkpoint):
-        pass
-
-    def transform_tangent(self, matrix):
-        self.tangent = self.tangent @ matrix
-
-
-def growth(stepper, schedule):
-    """Marks and logarithms by the loop that is read, and whether tangents were lost."""
-    logs, lost, end = [], False, int(schedule["end"])
-    while stepper.position < end and not (stepper.trouble or lost):
-        _, found, lost = TangentStepper.grow(stepper, end, schedule)
-        logs.append(found)
-    return np.vstack(logs), lost
-
-
-def test_the_loop_takes_a_stepper_of_the_user():
-    """Eigenvalues -1/2 and -2, whose Euler steps multiply by 0.995 and 0.98."""
-
-    def every_50():
-        return record(SCHEDULE, interval=50, longest=50, end=4000, unit=1.0)
-
-    logs, lost = growth(Euler(), every_50())
-    assert logs[:, 0].tolist() == list(range(50, 4001, 50))
-    assert not lost
-    assert logs[-1, 1:] == pytest.approx(50 * np.log([0.995, 0.98]), rel=1e-9)
-    logs, lost = growth(Euler(120), every_50())
-    assert logs[:, 0].tolist() == [50, 100]
-    assert not lost
-    for step in (np.zeros((2, 2)), np.full((2, 2), np.nan)):
-        assert growth(Euler(step=step), every_50())[1]
-
-
-@pytest.mark.parametrize(
-    ("scheme", "scene"), CASES, ids=lambda v: repr(v) if v in FIRST_ORDER else ""
-)
-def test_the_compiled_loop_is_the_loop_that_is_read(scheme, scene):
-    equation, history, h = scene(), hd.SumOfExponentials(), 0.01
-    directions = np.eye(equation.y0.size)[:, :2]
-    how = {"scheme": scheme, "directions": directions, "transient": 0.5, "renorm": 0.3}
-    result = alone(equation, 20.0, 2000, 2, **how)
-    run = scheme, history, UniformSteps(h, 2000), 20.0
-    stepper, _ = open_stepper(equation.system, *run, directions=directions)
-    schedule = record(SCHEDULE, transient=50, end=2000, interval=30, longest=30, unit=1.0)
-    logs, _ = growth(stepper, schedule)
-    assert np.abs(np.cumsum(logs[2:, 1:], axis=0) - result.log_growth).max() < 1e-9
-    assert np.allclose(h * logs[2:, 0], result.times, rtol=1e-12)
 
 
 def linear(alpha, rate):
@@ -353,7 +261,7 @@ def test_a_second_run_that_fails_leaves_the_verdict_open():
 
 
 def test_pair_equals_tangent():
-    for scheme, scene in CASES:
+    for scheme, scene in ORBITS:
         arguments = (scene(), 20.0, 2000, 2)
         tangent = alone(*arguments, scheme=scheme)
         pair = alone(*arguments, mode="pair", scheme=scheme)

@@ -1,13 +1,30 @@
-"""A stepper of twenty lines keeps the contract, and everything that drives steppers drives it."""
+"""The contract of steppers: one of twenty lines keeps it, and whatever drives steppers drives it.
+
+Behind it are the laws of tangents, which both engines and steppers of users keep.
+"""
 
 from math import exp
 
 import numpy as np
 import pytest
+from cases import (
+    FIRST_ORDER,
+    HISTORIES,
+    LONG,
+    N_STEPS,
+    ORBITS,
+    T_END,
+    TANGENTS,
+    assert_close,
+    chosen,
+    over,
+)
 
 import hereditary as hd
 from hereditary.compiled.records import record
 from hereditary.compiled.schedule import SCHEDULE
+from hereditary.given.fixed_stepper import FixedStepper
+from hereditary.given.steps import UniformSteps, mesh_steps
 from hereditary.hybrid import Hybrid
 from hereditary.solver.events import Events
 from hereditary.solver.opening import how_to_step, open_stepper
@@ -15,6 +32,7 @@ from hereditary.solver.output import Kept, Output
 from hereditary.solver.run import Drive, go_back, run
 from hereditary.stepping.dense import StepPieces
 from hereditary.stepping.state import State
+from hereditary.stepping.status import Ending
 from hereditary.stepping.stepper import (
     JumpingStepper,
     ResumableStepper,
@@ -172,3 +190,137 @@ def test_a_checkpoint_can_be_come_back_to_more_than_once(how):
     assert ends[0] == ends[1] == ends[2]
     stepper.come_back(kept)
     assert (stepper.t, stepper.y.tolist()) == reached
+
+
+class Damped(TangentStepper):
+    """Euler steps of x'' + 2.5 x' + x = 0, or by another matrix, up to the one that fails."""
+
+    t = y = position = tangent = None
+
+    def __init__(self, last=np.inf, step=((1.0, 0.01), (-0.01, 0.975))):
+        self.last, self.step = last, np.array(step)
+        self.position, self.y, self.tangent = 0, np.array([1.0, 0.0]), np.eye(2)
+
+    @property
+    def trouble(self):
+        return Ending(hd.Status.RHS_FAILED, "as asked") if self.position >= self.last else None
+
+    def advance(self, stop, keep=True):
+        self.y, self.tangent = self.step @ self.y, self.step @ self.tangent
+        self.position += 1
+
+    def checkpoint(self):
+        return ()
+
+    def come_back(self, checkpoint):
+        pass
+
+    def transform_tangent(self, matrix):
+        self.tangent = self.tangent @ matrix
+
+
+def growth(stepper, schedule):
+    """Marks and logarithms by the loop that is read, and whether tangents were lost."""
+    logs, lost, end = [], False, int(schedule["end"])
+    while stepper.position < end and not (stepper.trouble or lost):
+        _, found, lost = TangentStepper.grow(stepper, end, schedule)
+        logs.append(found)
+    return np.vstack(logs), lost
+
+
+def test_the_loop_takes_a_stepper_of_the_user():
+    """Eigenvalues -1/2 and -2, whose Euler steps multiply by 0.995 and 0.98."""
+
+    def every_50():
+        return record(SCHEDULE, interval=50, longest=50, end=4000, unit=1.0)
+
+    logs, lost = growth(Damped(), every_50())
+    assert logs[:, 0].tolist() == list(range(50, 4001, 50))
+    assert not lost
+    assert logs[-1, 1:] == pytest.approx(50 * np.log([0.995, 0.98]), rel=1e-9)
+    logs, lost = growth(Damped(120), every_50())
+    assert logs[:, 0].tolist() == [50, 100]
+    assert not lost
+    for step in (np.zeros((2, 2)), np.full((2, 2), np.nan)):
+        assert growth(Damped(step=step), every_50())[1]
+
+
+@pytest.mark.parametrize(
+    ("scheme", "scene"), ORBITS, ids=lambda v: repr(v) if v in FIRST_ORDER else ""
+)
+def test_the_compiled_loop_is_the_loop_that_is_read(scheme, scene):
+    equation, history, h = scene(), hd.SumOfExponentials(), 0.01
+    directions = np.eye(equation.y0.size)[:, :2]
+    how = {"scheme": scheme, "directions": directions, "transient": 0.5, "renorm": 0.3}
+    result = hd.lyapunov(equation, 20.0, 2000, 2, **how, verify=False)
+    run = scheme, history, UniformSteps(h, 2000), 20.0
+    stepper, _ = open_stepper(equation.system, *run, directions=directions)
+    schedule = record(SCHEDULE, transient=50, end=2000, interval=30, longest=30, unit=1.0)
+    logs, _ = growth(stepper, schedule)
+    assert np.abs(np.cumsum(logs[2:, 1:], axis=0) - result.log_growth).max() < 1e-9
+    assert np.allclose(h * logs[2:, 0], result.times, rtol=1e-12)
+
+
+def marched(case, equation, n=N_STEPS, stops=(), **more):
+    """March over n given steps; tangents are combined by each matrix of `stops`, {step: matrix}."""
+    steps = UniformSteps(T_END / n)
+    if case.steps == "mesh":
+        steps = mesh_steps(hd.graded(n, 2.0), T_END)
+    stepper = FixedStepper(equation.system, case.scheme, case.history, steps, n, **more)
+    for stop in (*stops, n):
+        while stepper.n < stop:
+            stepper.advance(stop, keep=False)
+        if stop in stops:
+            stepper.transform_tangent(stops[stop])
+    return stepper
+
+
+def values(stepper):
+    """Return y, and y' of components of order above 1: what tangents are derivatives of."""
+    return np.append(stepper.y, stepper.ydot[stepper.system.second])
+
+
+def random_directions(equation, k=2):
+    n = equation.d + np.sum(equation.system.second)
+    return np.random.default_rng(1).normal(size=(n, k))
+
+
+@over([case for case in chosen(steps="uniform") if "varying" not in case.family.tags])
+def test_the_length_of_blocks_does_not_matter(case):
+    ends = [marched(case, case.equation(), block=block).y for block in (2, 7, 32, 100)]
+    assert_close(np.array(ends), ends[0], case, 1e-11)
+
+
+@over([case for case in TANGENTS if case.given and case.history in (None, HISTORIES[2])])
+def test_tangents_are_difference_quotients(case):
+    """Of the discrete solution with given steps."""
+    equation = case.equation()
+    d, above = equation.d, equation.system.second
+    directions = random_directions(equation)
+    tangent = marched(case, equation, directions=directions).tangent
+    for k in range(2):
+        ends = []
+        for by in (1e-5, -1e-5):
+            y0 = equation.y0.copy()
+            y0[0] += by * directions[:d, k]
+            y0[1:, above] += by * directions[d:, k]
+            moved = equation.replace(y0=y0 if len(y0) > 1 else y0[0])
+            ends.append(values(marched(case, moved)))
+        quotient = (ends[0] - ends[1]) / 2e-5
+        assert_close(tangent[:, k], quotient, case, 1e-6)
+
+
+@over([case for case in TANGENTS if case.given])
+def test_combined_tangents_go_on_as_the_combination(case):
+    """Linear in all they hold; combined before, in and at the ends of blocks and of FFT's parts."""
+    n, at = (LONG, (1, 33, 1024, 2051)) if case.history == HISTORIES[1] else (N_STEPS, (1, 5, 32))
+    equation, stops = case.equation(), {k: np.array([[0.7, -1.3], [0.4, 2 + 1 / k]]) for k in at}
+    directions = random_directions(equation)
+    plain = marched(case, equation, n, directions=directions)
+    mixed = marched(case, equation, n, stops, directions=directions)
+    expected = plain.tangent @ np.linalg.multi_dot([np.eye(2), *stops.values()])
+    assert_close(mixed.tangent, expected, case, 1e-9)
+    assert np.array_equal(mixed.y, plain.y)
+    one = marched(case, equation, n, directions=directions[:, :1])
+    assert_close(one.y, plain.y, case, 1e-13)
+    assert_close(one.tangent, plain.tangent[:, :1], case, 1e-10)

@@ -12,7 +12,6 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import hereditary as hd
-from hereditary.stepping.status import Status
 
 
 def decay(t, y, p):
@@ -37,7 +36,7 @@ def assert_equal(found, m, sol):
     if sol.ydot is not None:
         assert np.array_equal(found.ydot[m, :n], sol.ydot, equal_nan=True)
     assert found.status[m] == sol.status
-    assert found.messages.get(m, Status.COMPLETED.sentence) == sol.message
+    assert found.messages.get(m, hd.Status.COMPLETED.sentence) == sol.message
     assert found.stats["n_rhs"][m] == sol.stats["n_rhs"]
     assert found.stats["n_steps"][m] == sol.stats["n_steps"]
 

@@ -10,7 +10,6 @@ from problems import half_order_relaxation
 from scipy.optimize import brentq
 
 import hereditary as hd
-from hereditary.solver.events import bracketed_root
 
 SWING = hd.scenes.oscillator(beta=2.0, gamma=1.0, friction=0.0)  # x = cos t
 PRECISE = {"rtol": 1e-12}
@@ -352,25 +351,25 @@ def test_signs_in_a_state_are_those_of_the_run():
 
 
 @pytest.mark.parametrize(
-    ("function", "low", "high", "root"),
+    ("function", "root"),
     [
-        (lambda x: x - 1.0 / 3.0, 0.0, 1.0, 1.0 / 3.0),
-        (lambda x: np.cos(x) - x, 0.0, 1.0, 0.7390851332151607),
-        (lambda x: x**9, -1.0, 3.0, 0.0),  # flat: false position alone would creep
-        (lambda x: np.expm1(50.0 * (x - 0.9)), 0.0, 1.0, 0.9),
-        (lambda x: np.sign(x - 0.3), 0.0, 1.0, 0.3),  # a jump
-        (lambda x: x, 0.0, 1.0, 0.0),
-        (lambda x: x - 1.0, 0.0, 1.0, 1.0),
-        (lambda x: 2.0 - x, 5.0, 1.0, 2.0),  # falling, given the other way round
+        (lambda t: t - 1.0 / 3.0, 1.0 / 3.0),
+        (lambda t: np.cos(t) - t, 0.7390851332151607),
+        (lambda t: (t - 0.3) ** 9, 0.3),  # flat: false position alone would creep
+        (lambda t: np.expm1(50.0 * (t - 0.9)), 0.9),
+        (lambda t: np.sign(t - 0.3), 0.3),  # a jump
+        (lambda t: 1.0 - t, 1.0),  # at the end of a step
+        (lambda t: 1.1 - 3 * t, 1.1 / 3),
     ],
 )
-def test_bracketed_root(function, low, high, root):
+def test_roots_are_found_to_rounding_in_few_calls(function, root):
     calls = []
 
-    def counted(x):
-        calls.append(x)
-        return function(x)
+    def event(t, y):
+        calls.append(t)
+        return function(t)
 
-    found = bracketed_root(counted, low, high)
-    assert found == pytest.approx(root, abs=1e-15)
+    rising = hd.Equation(hd.Caputo(1.0), lambda t, y: 1.0 + 0 * y, 0.0)
+    found = hd.solve(rising, 3.0, 1, scheme=hd.L1(), events=event)
+    assert found.t_events[0] == pytest.approx([root], abs=1e-15)
     assert len(calls) < 250

@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 
 import hereditary as hd
-from hereditary.given import stability
 
 SCHEME, POWER_SERIES = hd.ExplicitCaputo(), hd.GrunwaldLetnikov()
 EXPLICIT = [SCHEME, POWER_SERIES]
@@ -199,18 +198,6 @@ def test_region_against_euler(scheme):
     others = np.array([-3 * np.eye(2), neutral, np.full((2, 2), np.nan)])
     np.testing.assert_allclose(region.ratios(others), [3 * h / 2, 0, 0])
     assert region.ratios(np.empty((0, 2, 2))).size == 0
-
-
-@pytest.mark.parametrize("scheme", [SCHEME, POWER_SERIES])
-@pytest.mark.parametrize("alpha", [0.3, 0.7, 1.0, 1.4, 1.8])
-def test_curve_at_minus_one_is_the_sharp_limit(scheme, alpha, monkeypatch):
-    monkeypatch.setattr(stability, "_GROWTH", 1.0)
-    equation = hd.Equation(
-        hd.Caputo(alpha), lambda t, y: -y, np.ones((math.ceil(alpha), 2)), jac=None
-    )
-    region = scheme.plan(equation.system, 0.1).region
-    assert region.radii[-1] == pytest.approx(region.limits[0], rel=1e-4)
-    assert region.angles[0] == pytest.approx(min(alpha, 2) * np.pi / 2, abs=0.05)
 
 
 @pytest.mark.parametrize(
