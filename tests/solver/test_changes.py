@@ -95,25 +95,45 @@ def test_a_kernel_that_acts_on_y_sees_the_jump():
     assert abs(sol.y[-1, 0] - other.y[-1, 0]) < 1e-9
 
 
-def test_rows_and_dense_output_show_both_sides():
-    eq = hd.Equation(C(0.7), decay, 1.0)
-    for how in ({"rtol": 1e-8}, {"n_steps": 100}):
-        plain = hd.solve(eq, 2.0, **how)
-        sol = hd.solve(eq, 2.0, **how, events=event(change=add(1.0)))
-        (where,) = np.flatnonzero(np.diff(sol.t) == 0)
-        assert sol.t[where] == pytest.approx(1.0, abs=1e-12)
-        assert sol.y[where + 1, 0] - sol.y[where, 0] == pytest.approx(1.0, abs=1e-9)
-        assert sol(1.0)[0] == pytest.approx(sol.y[where + 1, 0], abs=1e-12)
-        assert sol(1.0 - 1e-9)[0] == pytest.approx(sol.y[where, 0], abs=1e-7)
-        assert sol(1.0 + 1e-12)[0] == pytest.approx(sol.y[where + 1, 0], abs=1e-5)
-        assert np.array_equal(sol.y[: where // 2], plain.y[: where // 2])
-        assert np.all(np.diff(sol.t) >= 0)
-        at = [0.5, 1.0, 1.5]
-        rows = hd.solve(eq, 2.0, **how, events=event(change=add(1.0)), t_eval=at)
-        assert rows.y[1, 0] == pytest.approx(sol(1.0)[0], abs=1e-7)
-        assert rows.y[2, 0] == pytest.approx(sol(1.5)[0], abs=1e-5)
-    every = hd.solve(eq, 2.0, 100, events=event(change=add(1.0)), save_every=30)
-    steps = hd.solve(eq, 2.0, 100, events=event(change=add(1.0)))
+DECAY = hd.Equation(C(0.7), decay, 1.0)
+
+
+def risen(**how):
+    """A decay that rises by 1 at t = 1."""
+    return hd.solve(DECAY, 2.0, events=event(change=add(1.0)), **how)
+
+
+BOTH_WAYS = pytest.mark.parametrize("how", [{"rtol": 1e-8}, {"n_steps": 100}], ids=str)
+
+
+@BOTH_WAYS
+def test_rows_show_both_sides(how):
+    sol, plain = risen(**how), hd.solve(DECAY, 2.0, **how)
+    (where,) = np.flatnonzero(np.diff(sol.t) == 0)
+    assert sol.t[where] == pytest.approx(1.0, abs=1e-12)
+    assert sol.y[where + 1, 0] - sol.y[where, 0] == pytest.approx(1.0, abs=1e-9)
+    assert np.array_equal(sol.y[: where // 2], plain.y[: where // 2])
+    assert np.all(np.diff(sol.t) >= 0)
+
+
+@BOTH_WAYS
+def test_dense_output_shows_both_sides(how):
+    sol = risen(**how)
+    (where,) = np.flatnonzero(np.diff(sol.t) == 0)
+    assert sol(1.0)[0] == pytest.approx(sol.y[where + 1, 0], abs=1e-12)
+    assert sol(1.0 - 1e-9)[0] == pytest.approx(sol.y[where, 0], abs=1e-7)
+    assert sol(1.0 + 1e-12)[0] == pytest.approx(sol.y[where + 1, 0], abs=1e-5)
+
+
+@BOTH_WAYS
+def test_rows_at_stated_times_are_dense_output(how):
+    sol, rows = risen(**how), risen(**how, t_eval=[0.5, 1.0, 1.5])
+    assert rows.y[1, 0] == pytest.approx(sol(1.0)[0], abs=1e-7)
+    assert rows.y[2, 0] == pytest.approx(sol(1.5)[0], abs=1e-5)
+
+
+def test_both_sides_are_saved_beside_every_30th_step():
+    every, steps = risen(n_steps=100, save_every=30), risen(n_steps=100)
     assert np.round(every.t / 0.02).tolist() == [0, 30, 50, 50, 60, 90, 100]
     assert np.isin(every.y, steps.y).all()
 

@@ -228,21 +228,27 @@ def growth(stepper, schedule):
     return np.vstack(logs), lost
 
 
+def every_50():
+    return record(SCHEDULE, interval=50, longest=50, end=4000, unit=1.0)
+
+
 def test_the_loop_takes_a_stepper_of_the_user():
     """Eigenvalues -1/2 and -2, whose Euler steps multiply by 0.995 and 0.98."""
-
-    def every_50():
-        return record(SCHEDULE, interval=50, longest=50, end=4000, unit=1.0)
-
     logs, lost = growth(Damped(), every_50())
     assert logs[:, 0].tolist() == list(range(50, 4001, 50))
     assert not lost
     assert logs[-1, 1:] == pytest.approx(50 * np.log([0.995, 0.98]), rel=1e-9)
+
+
+def test_the_loop_keeps_the_growth_before_a_failure():
     logs, lost = growth(Damped(120), every_50())
     assert logs[:, 0].tolist() == [50, 100]
     assert not lost
-    for step in (np.zeros((2, 2)), np.full((2, 2), np.nan)):
-        assert growth(Damped(step=step), every_50())[1]
+
+
+@pytest.mark.parametrize("value", [0.0, np.nan])
+def test_the_loop_says_that_tangents_are_lost(value):
+    assert growth(Damped(step=np.full((2, 2), value)), every_50())[1]
 
 
 @pytest.mark.parametrize(

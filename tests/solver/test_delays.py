@@ -109,25 +109,39 @@ def test_resumed_runs_have_the_past_of_one_delay():
     assert np.array_equal(hd.solve(REACTS, END, resume=state).y[-1], whole)
 
 
-def test_events_changes_and_breaks():
+STEPS = {"n_steps": 8000, "scheme": hd.BDF(2)}
+
+
+def test_events():
     def level(t, y):
         return y[0] - 1.2
 
-    def lift(t, y):
-        return y + 0.3
-
-    steps = {"n_steps": 8000, "scheme": hd.BDF(2)}
-    found, rough = (hd.solve(REACTS, END, events=level, **how) for how in (TIGHT, steps))
+    found, rough = (hd.solve(REACTS, END, events=level, **how) for how in (TIGHT, STEPS))
     assert len(found.t_events[0]) == 3
     assert found.t_events[0] == pytest.approx(rough.t_events[0], abs=1e-4)
+
+
+def test_a_run_resumed_from_an_event():
+    def level(t, y):
+        return y[0] - 1.2
+
     level.terminal = True
     stopped = hd.solve(REACTS, END, events=level, scheme=hd.Collocation(horizon=END), **TIGHT)
     assert stopped.status == "event"
     assert hd.solve(REACTS, END, resume=stopped.state).y[-1, 0] == pytest.approx(end(), abs=1e-9)
+
+
+def test_changes():
+    def lift(t, y):
+        return y + 0.3
+
     found, rough = (
-        hd.solve(REACTS, END, changes={2.0: lift}, **how).y[-1, 0] for how in (TIGHT, steps)
+        hd.solve(REACTS, END, changes={2.0: lift}, **how).y[-1, 0] for how in (TIGHT, STEPS)
     )
     assert found == pytest.approx(rough, abs=2e-4)
+
+
+def test_breaks():
     assert end(breaks=[1.7], **TIGHT) == pytest.approx(end(), abs=1e-9)
 
 

@@ -20,25 +20,38 @@ def solution(request):
     return hd.solve(hd.scenes.stick_slip(), 1.0, 50)
 
 
-def test_a_file_gives_back_rows_events_and_ending(solution, tmp_path):
-    path = tmp_path / "kept"
-    solution.save(path)
-    found = hd.Solution.load(path)
+@pytest.fixture
+def found(solution, tmp_path):
+    """The solution from a file."""
+    solution.save(tmp_path / "kept")
+    return hd.Solution.load(tmp_path / "kept")
+
+
+def test_a_file_gives_back_rows(solution, found):
     assert np.array_equal(found.t, solution.t)
     assert np.array_equal(found.y, solution.y)
     assert found.y.dtype == solution.y.dtype
     assert (found.ydot is None) == (solution.ydot is None)
     if solution.ydot is not None:
         assert np.array_equal(found.ydot, solution.ydot, equal_nan=True)
+
+
+def test_a_file_gives_back_the_ending(solution, found):
     assert found.status is solution.status
     assert found.message == solution.message
     assert found.stats == pytest.approx(solution.stats)
+
+
+def test_a_file_gives_back_events(solution, found):
     assert len(found.t_events) == len(solution.t_events)
     for times, rows, *kept in zip(
         found.t_events, found.y_events, solution.t_events, solution.y_events, strict=True
     ):
         assert np.array_equal(times, kept[0])
         assert np.array_equal(rows, kept[1])
+
+
+def test_a_file_has_no_state_and_no_dense_output(found):
     assert found.state is None
     with pytest.raises(ValueError, match="kept no dense output"):
         found(0.5)
