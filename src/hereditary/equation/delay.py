@@ -16,13 +16,15 @@ from numpy.polynomial.chebyshev import chebvander
 from ..compiled.jit import JAC_SIG, RHS_SIG, as_value, compiled, derived
 from ..support.checks import complaint, positive, refuse, shown
 
-# Coefficients of a polynomial of a table: steps of collocation have degree 9 at most.
+# Coefficients of a polynomial of a table. Steps of collocation have at most as many.
 N_COEFFICIENTS = 10
-# Polynomials of a table, as many as have so many coefficients, and limits of this number.
+# Coefficients of a whole table, from which the number of its polynomials follows.
 _NUMBERS = 20_000
+# Fewest polynomials of a table, also of many components.
 _FEWEST = 128
+# Most polynomials of a table, also of one component.
 _MOST = 2048
-# Numbers of a table before its times.
+# Numbers at the head of a table: of polynomials that it has, and that it has room for.
 _HEAD = 2
 
 
@@ -63,10 +65,10 @@ class Delay:
 
 
 class Earlier(NamedTuple):
-    """The solution before the user's start, `origin`, as a delay reads it.
+    """The solution before `origin`, the user's start, as a delay reads it.
 
-    - values: a function of the user's time, with values (d,), complex where y is.
-    - first: y at `origin - tau`, (d,).
+    - values: y as a function of the user's time, shape (d,), complex if y is complex.
+    - first: y at the time ``origin - tau``, (d,).
     """
 
     delay: Delay
@@ -76,10 +78,12 @@ class Earlier(NamedTuple):
 
 
 class Delayed(NamedTuple):
-    """A delay of a system, whose times count from its start.
+    """A delay of a system, whose times count from the start.
 
-    - place, capacity: where its table begins among the parameters, and its most polynomials.
-    - lift: what is added to the past, (d,): a neighbouring orbit begins in a displaced past.
+    - past: the delay and the solution before the start.
+    - place: index of the parameter at which the table of the delay begins.
+    - capacity: polynomials that the table has room for.
+    - lift: displacement of the solution before the start, (d,), for neighbouring orbits.
     """
 
     past: Earlier
@@ -92,20 +96,20 @@ class Delayed(NamedTuple):
         return t - _taus(self.past.delay, t, self.past.origin)
 
     def before(self, t: np.ndarray) -> np.ndarray:
-        """Return y before the start, at times t (n,), shape (n, d) in real components."""
+        """Return y at times t (n,) before the start, as real numbers (n, d)."""
         values, dtype = self.past.values, self.past.first.dtype
         rows = [np.asarray(values(self.past.origin + each), dtype) for each in t.tolist()]
         return np.array(rows, dtype).reshape(len(rows), -1).view(float) + self.lift
 
     def lifted(self, lift: np.ndarray, params: np.ndarray) -> Delayed:
-        """Return the delay with a past displaced by `lift` (d,), as its table at the start is."""
+        """Return the delay with its past displaced by `lift` (d,); displace its first table too."""
         times, coefficients = self.content(params)
         coefficients[..., 0] += lift
         self.fill(params, times, coefficients)
         return self._replace(lift=self.lift + lift)
 
     def content(self, params: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return a table as `fill` takes it, copied."""
+        """Return copies of the times and polynomials of the table, as arguments of `fill`."""
         n, first = int(params[self.place]), self.place + _HEAD
         times, first = params[first : first + n + 1].copy(), first + self.capacity + 1
         d = self.past.first.view(float).size
@@ -113,7 +117,7 @@ class Delayed(NamedTuple):
         return times, values.reshape(n, d, N_COEFFICIENTS).copy()
 
     def fill(self, params: np.ndarray, times: np.ndarray, coefficients: np.ndarray) -> None:
-        """Write a table: polynomials (n, d, N_COEFFICIENTS) between times (n + 1,)."""
+        """Write times (n + 1,), and polynomials (n, d, N_COEFFICIENTS) between, into the table."""
         n, first = len(coefficients), self.place + _HEAD
         params[self.place] = n
         params[first : first + n + 1] = times
@@ -122,7 +126,7 @@ class Delayed(NamedTuple):
 
 
 def _taus(delay: Delay, t: np.ndarray, origin: float) -> np.ndarray:
-    """Return a delay at times t that count from the user's `origin`; refuse one that is not > 0."""
+    """Return tau at times t after `origin`, the user's start; refuse values that are not > 0."""
     tau = delay.tau
     if not callable(tau):
         return np.full(np.shape(t), tau)
@@ -135,12 +139,12 @@ def _taus(delay: Delay, t: np.ndarray, origin: float) -> np.ndarray:
 
 
 def pasts_of(memory: Sequence[Any], y0: np.ndarray, origin: float) -> list[Earlier | None]:
-    """Return the past of each part of `memory` that is a delay, and None for others."""
+    """Return the past of each delay in `memory`, and None for each other operator."""
     return [_past(part, y0, origin) if isinstance(part, Delay) else None for part in memory]
 
 
 def _past(delay: Delay, y0: np.ndarray, origin: float) -> Earlier:
-    """Return what a delay reads before `origin`, where y is y0 (d,)."""
+    """Return the solution before `origin` as `delay` has it; by default it is y0 (d,)."""
     d, given = y0.size, y0 if delay.past is None else delay.past
     at = origin - float(_taus(delay, np.zeros(1), origin)[0])
     try:
@@ -167,9 +171,9 @@ def reading(
     Parameters
     ----------
     functions : (ndarray, callable, callable or None)
-        Of y and all k rows of memory, (1 + k) d components.
+        Parameters, right-hand side and Jacobian, of y and k rows of memory: (1 + k) d components.
     pasts : sequence of length k
-        Of the rows that are delays; None for memory that remains a component.
+        For each row of memory its past if it is a delay. None if the row remains an unknown.
     """
     params, rhs, jac = functions
     firsts = [past.first.view(float) for past in pasts if past]
@@ -194,7 +198,7 @@ def reading(
 
 @lru_cache(maxsize=64)
 def _reading(rhs: Any) -> Any:
-    """Return a right-hand side whose delayed rows come from tables behind its parameters."""
+    """Return a right-hand side that reads delayed rows from tables behind the parameters."""
 
     def read(t: float, x: np.ndarray, out: np.ndarray, params: np.ndarray) -> None:
         own = int(params[-1])
@@ -209,7 +213,7 @@ def _reading(rhs: Any) -> Any:
 
 @lru_cache(maxsize=64)
 def _slopes(jac: Any) -> Any:
-    """Return the Jacobian of `_reading` by the components that remain."""
+    """Return the Jacobian of `_reading` with respect to the unknowns, without delayed rows."""
 
     def read(t: float, x: np.ndarray, out: np.ndarray, params: np.ndarray) -> None:
         own, d, k = int(params[-1]), int(params[-2]), int(params[-3])

@@ -1,7 +1,7 @@
-"""The march of an equation with delays: another stepper, and tables of what it has solved.
+"""The march of an equation with delays, by the method of steps.
 
-By the method of steps a march goes on only as far as delayed values are known. Before it does, they
-are written into the tables of the right-hand side (equation/delay.py).
+The stepper of an equation without delays marches as far as delayed values are known. Then these
+values are written into the tables that the right-hand side reads (equation/delay.py).
 """
 
 from __future__ import annotations
@@ -22,25 +22,25 @@ from ..stepping.stepper import JumpingStepper, ResumableStepper
 from ..support.checks import refuse
 from .events import bracketed_root
 
-# Where polynomials of a table are compared with the solution, and the difference that is allowed,
-# as fraction of the largest value.
+# Points in [-1, 1], the interval of a polynomial, at which it is compared with the solution.
 _LOOKS = np.array([-0.95, -0.4, 0.15, 0.8])
+# Largest difference there, as a fraction of the largest value of the component.
 _ROUNDING = 1e-13
-# A polynomial is halved while that makes the difference fall by this factor: next to a start the
-# solution is no polynomial, and rounding does not fall.
+# An interval is halved again if the last halving multiplied the difference by less than this. Next
+# to a start the solution is no polynomial, and halving does not help against rounding.
 _FALLS = 0.95
-# Stands for 0 among sizes.
+# Least size of a component, so that one that is 0 everywhere can be divided by its size.
 _TINY = 1e-300
-# A kink of the solution is a break until so many powers of t are smooth behind it.
+# Exponent of t from which on a kink is no break: so many derivatives are continuous there.
 _SMOOTH = 8.0
-# Most kinks: with several delays their sums are many.
+# Most kinks of a run: several delays have many sums.
 _MOST_KINKS = 1000
-# Times this close, relatively, are one.
+# Times whose relative difference is below this count as equal.
 _ALIKE = 1e-12
 
 
 class _Solved(NamedTuple):
-    """A piece of the solution, between two times."""
+    """Dense output between two times."""
 
     start: float
     end: float
@@ -48,11 +48,13 @@ class _Solved(NamedTuple):
 
 
 class _Remembered(NamedTuple):
-    """The past of a march with delays, and its tables.
+    """What a march with delays stores beside its inner stepper.
 
-    - solved, roots: pieces that a delay reaches, and times behind which kinks follow.
-    - until: time up to which the tables hold; tables: their times and polynomials, for each delay.
-    - lifts: by how much the past of each delay is displaced.
+    - solved: dense output that a delay still reads.
+    - roots: times after which kinks follow, one delay later and so on.
+    - until: time up to which the tables have delayed values.
+    - tables: for each delay the times and polynomials of its table.
+    - lifts: for each delay the displacement of y before the start, (d,).
     """
 
     solved: tuple[_Solved, ...]
@@ -68,7 +70,7 @@ class DelayedStepper(ResumableStepper, JumpingStepper):
     Parameters
     ----------
     inner : FixedStepper or AdaptiveStepper
-        At the start of a run, or where `state` was taken.
+        The march without delays, at the start of a run or where a state was taken.
     delays : tuple of Delayed
     t_end : float
         End of the run.
@@ -85,7 +87,7 @@ class DelayedStepper(ResumableStepper, JumpingStepper):
         self._reach()
 
     def _at(self, delay: Delayed, times: np.ndarray) -> np.ndarray:
-        """Return y at earlier times (n,), shape (n, d); before the start as a delay says."""
+        """Return y at earlier times (n,), shape (n, d); before the start from the delay's past."""
         d = self.system.n_solved
         found, before = np.empty((times.size, d)), times < 0
         if before.any():
@@ -102,7 +104,7 @@ class DelayedStepper(ResumableStepper, JumpingStepper):
         return found
 
     def _prepare(self) -> None:
-        """Fill the tables from here to where delayed values are no longer known."""
+        """Fill the tables from the present time to the last one whose delayed values are known."""
         t = self._inner.t
         until = min(_when(delay, t, t, self._t_end) for delay in self._delays)
         tables = []
@@ -118,7 +120,7 @@ class DelayedStepper(ResumableStepper, JumpingStepper):
         self._until = until
 
     def _reach(self) -> Any:
-        """Return the last position at which the tables hold; fill them where that is here."""
+        """Return the last position that the tables cover; fill them if the march has got there."""
         position = self._last_position()
         if position <= self._inner.position:
             self._forget()
@@ -130,13 +132,16 @@ class DelayedStepper(ResumableStepper, JumpingStepper):
         return position
 
     def _last_position(self) -> Any:
-        """Return the last position up to which the tables are filled."""
+        """Return the last position whose time the tables cover."""
         t = min(self._until, self._t_end)
         found = self._inner.stop_at(t)
         return found.position - int(self.counted and found.t > t * (1 + _ALIKE))
 
     def _table(self, delay: Delayed, start: float, end: float) -> tuple[np.ndarray, np.ndarray]:
-        """Return times (n + 1,) and polynomials (n, d, N_COEFFICIENTS) of the delayed solution."""
+        """Return a table of y(t - tau) from `start` to `end`.
+
+        These are times (n + 1,), and Chebyshev coefficients (n, d, N_COEFFICIENTS) between them.
+        """
         known = [0.0, *(edge for each in self._solved for edge in each.piece.edges())]
         first, last = delay.ago(np.array([start, end])).tolist()
         if not first < last:
@@ -172,12 +177,12 @@ class DelayedStepper(ResumableStepper, JumpingStepper):
         return np.array([*(pair[0] for pair in found), end]), np.array([p for _, p in found])
 
     def set_breaks(self, times: np.ndarray, t_end: float) -> None:
-        """Let steps see jumps at these times, and what follows from them after each delay."""
+        """Let steps see jumps at these times, and the kinks that follow them by delays."""
         self._breaks, self._t_end = times, t_end
         self._set_kinks()
 
     def _set_kinks(self) -> None:
-        """Let steps that a tolerance chooses begin anew where the solution is not smooth."""
+        """Let steps chosen by a tolerance end at kinks; given steps see the user's breaks alone."""
         if self.counted:
             self._inner.set_breaks(self._breaks, self._t_end)
             return
@@ -190,7 +195,7 @@ class DelayedStepper(ResumableStepper, JumpingStepper):
         return self._inner.stop_at(t)
 
     def advance(self, stop: float, keep: bool = True) -> Piece | None:
-        """March towards position `stop`, at most as far as delayed values are known."""
+        """March towards position `stop`, at most to the last known delayed value."""
         start = self._inner.t
         try:
             last = self._reach()
@@ -203,7 +208,7 @@ class DelayedStepper(ResumableStepper, JumpingStepper):
         return piece if keep else None
 
     def _forget(self) -> None:
-        """Drop what no delay reaches any more."""
+        """Drop dense output that ends before the earliest time that a delay reads."""
         t = np.array([self._inner.t])
         first = min(float(delay.ago(t)[0]) for delay in self._delays)
         self._solved = [each for each in self._solved if each.end >= first]
@@ -221,14 +226,14 @@ class DelayedStepper(ResumableStepper, JumpingStepper):
         return self._inner.trouble if self._error is None else failed(self._error)
 
     def stats(self) -> dict[str, Any]:
-        """Return those of the inner stepper."""
+        """Return the counts of the inner stepper."""
         return self._inner.stats()
 
     def parts(self) -> list[np.ndarray]:
-        """Return every array that is linear in the solution, also of delayed rows, on given steps.
+        """Return every array that is linear in the solution, with rows that delays read.
 
-        Their numbers may be replaced: the next step fills the tables anew. From then on the first
-        two steps of a run are parabolas for delays too, as all others are.
+        This is for given steps. The caller may overwrite these arrays, and the next step fills the
+        tables anew. From then on delays read parabolas also inside the first two steps of a run.
         """
         self._until = self._inner.t
         parts = [*self._inner.parts(), *(delay.lift for delay in self._delays)]
@@ -246,17 +251,17 @@ class DelayedStepper(ResumableStepper, JumpingStepper):
         return [*parts, piece.rows, piece.slopes]
 
     def checkpoint(self) -> tuple:
-        """Return copies of all that the march consists of."""
+        """Return copies of everything that a step changes."""
         return self._inner.checkpoint(), self._remembered()
 
     def _remembered(self) -> _Remembered:
-        """Return what delays reach, and the tables."""
+        """Return copies of the tables and of the dense output that delays read."""
         tables = tuple(delay.content(self._inner.live_params) for delay in self._delays)
         lifts = tuple(delay.lift.copy() for delay in self._delays)
         return _Remembered(tuple(self._solved), tuple(self._roots), self._until, tables, lifts)
 
     def remember(self, remembered: _Remembered) -> None:
-        """Take over what delays reach; the inner stepper is already there."""
+        """Restore tables and dense output; the inner stepper has already been restored."""
         self._solved, self._roots = list(remembered.solved), list(remembered.roots)
         self._until = remembered.until
         for delay, table, lift in zip(
@@ -303,7 +308,7 @@ class DelayedStepper(ResumableStepper, JumpingStepper):
 
 
 def _when(delay: Delayed, t: float, low: float, high: float) -> float:
-    """Return the time at which a delay reads time t, between two times, or the later of these."""
+    """Return the time s at which a delay reads time t, ``s - tau(s) = t``; at most `high`."""
 
     def ahead(s: float) -> float:
         return float(delay.ago(np.array([s]))[0]) - t
@@ -318,9 +323,9 @@ def _when(delay: Delayed, t: float, low: float, high: float) -> float:
 def _kinks(
     delays: Sequence[Delayed], system: System, roots: Sequence[float], t_end: float
 ) -> list[float]:
-    """Return times at which the solution is not smooth, for it was not a delay before.
+    """Return the times of kinks: those that read a root, or an earlier kink, by a delay.
 
-    Each delay raises the exponent of what is not smooth by the order.
+    The first power of t at a kink has the exponent of the kink before plus the order.
     """
     orders = system.highest_orders()[: system.n_solved]
     order = float(np.min(orders[orders > 0], initial=_SMOOTH))
