@@ -5,6 +5,7 @@ import os
 import tempfile
 from importlib.metadata import version
 from pathlib import Path
+from weakref import WeakSet
 
 import hypothesis
 import pytest
@@ -30,8 +31,6 @@ def no_collection():
 
 
 @pytest.fixture(autouse=True)
-def _untold():
+def _untold(monkeypatch):
     """Let every test see the warnings that are given once."""
-    from hereditary.functions import python_calls
-
-    python_calls._warned.clear()
+    monkeypatch.setattr("hereditary.functions.python_calls._warned", WeakSet())

@@ -30,6 +30,14 @@ def test_files_and_functions_are_small(path):
             assert not hidden, f"{node.name} imports"
 
 
+def test_few_files_of_tests_import_inner_parts():
+    """So that inner parts can change without their tests; the number only falls."""
+    public = "exact|schemes|history|viscoelastic|__main__"
+    inner = re.compile(rf"^\s*(from|import) hereditary\.(?!({public})\b)", re.MULTILINE)
+    tests = Path(__file__).parent
+    assert sum(bool(inner.search(path.read_text())) for path in tests.rglob("*.py")) <= 12
+
+
 @pytest.mark.parametrize("path", FILES, ids=lambda p: str(p.relative_to(SOURCE)))
 def test_compiled_functions_have_a_record_and_five_values_at_most(path):
     for node in ast.walk(ast.parse(path.read_text())):
