@@ -26,18 +26,19 @@ from .kernels.step_kernel import Integrated
 from .stepping.scheme import Scheme
 from .support.checks import instance, real, real_array, refuse, shown
 
-# Times whose distance from even ones is below this share of the step are even.
+# Times are equidistant if they differ from equidistant ones by less than this fraction of the step.
 _EVEN = 1e-9
-# Numbers in an array of weights: 16 MB. Ten times as many are slower, for they leave the cache.
+# Most numbers in an array of weights: 16 MB. Ten times as many are slower, because they leave the
+# cache.
 _BLOCK = 2_000_000
-# Degrees of polynomials that are tried.
+# Degrees of Chebyshev polynomials, tried in turn.
 _DEGREES = (16, 32, 64, 128, 256, 512)
 # A polynomial resolves a function if its last coefficients, over the largest of all, are below
 # this: 30 roundings, since coefficients have rounding errors.
 _RESOLVED = 30 * np.finfo(float).eps
-# The power q of t = u**q makes t**order a function of u with so many derivatives.
+# Least number of derivatives by u of t**order, which choose the power q of t = u**q.
 _SMOOTH = 6.0
-# Kernels are integrated exactly up to this share of t.
+# Fraction of t next to the singularity in which kernels are integrated exactly.
 _NEAREST = 2.0**-50
 
 

@@ -32,9 +32,9 @@ from .support.warning import silence, warn
 _UNSTABLE = (Status.STEP_TOO_LARGE, Status.ZIGZAG)
 # Members that are timed to choose the number of threads.
 _TIMED = 4
-# Seconds per member below which threads wait for each other: Python prepares each for 0.15 ms under
-# its lock. 512 Riccati equations of 50 steps take 160 ms on one thread and 240 on two. With ten
-# times this value most ensembles would run on one core.
+# Least seconds per member for several threads. Python prepares each member for 0.15 ms, during
+# which other threads wait. 512 Riccati equations of 50 steps take 160 ms on one thread and 240 on
+# two. With ten times this value most ensembles would run on one core.
 _SHORT = 4e-4
 
 
@@ -332,7 +332,7 @@ class _Run:
     def _worker(self) -> Callable:
         """Return a function that takes members that are left, `most` or all of them."""
         base, one = self._members.base, self._solve
-        # functions that are called in Python hold the parameters of their equation
+        # a function that is called in Python reads the parameters of its own equation
         if self._kept is not None and not (base.system.callbacks or base.system.delays):
             history, t_end = self._how["history"], self._t_end - base.t_start
             run = base.system, self._how["scheme"], history, self._steps

@@ -39,11 +39,11 @@ __all__ = [
 
 ExactSolution = Callable[[ArrayLike], np.ndarray]
 
-# Scales of the hyperbola: each time takes the one whose nodes avoid the poles.
+# Scales of the hyperbola. At each time the scale is used whose nodes are farthest from the poles.
 _SCALES = (6.0, 7.2, 8.6, 10.3, 12.4)
-# Poles of larger argument remain left of the hyperbola.
+# Poles whose argument exceeds this are left of every hyperbola.
 _TOP = math.pi - 0.03
-# Poles below this times scale / t remain left of the hyperbola, too.
+# Poles of modulus below this, in units of scale / t, are left of the hyperbola as well.
 _TINY = 0.1
 # Poles closer than this in log s are refused: their residues lose eps / distance**2.
 _NEAR = 1e-3
@@ -344,7 +344,7 @@ class _Transform:
         block = max(1, 4000 // (1 + self.poles.size))  # a million complex numbers at a time
         for start in range(0, t.size, block):
             z = np.multiply.outer(t[start : start + block], self.poles)
-            # distances of nodes to the poles split off, relative to these
+            # distances of the nodes from the poles that are split off, relative to these poles
             far = [np.where(np.abs(z) > _TINY * s, z, 1e6)[..., None] for s in _SCALES]
             gaps = [np.abs(ZETA * s / p - 1) for s, p in zip(_SCALES, far, strict=True)]
             best = np.argmax([g.min(axis=(1, 2), initial=1.0) for g in gaps], axis=0)
@@ -377,7 +377,7 @@ def _zeros(f: _Exponentials) -> np.ndarray:
     # outside of [low, high] one term outweighs all the others; exp(+-300) is beyond any time
     high = min(300.0, ((size[:-1] - size[-1] + room) / (a[-1] - a[:-1])).max())
     low = max(-300.0, ((size[0] - size[1:] - room) / (a[1:] - a[0])).min())
-    # F is real on the real axis, so the upper half tells all
+    # F is real on the real axis, so the upper half plane suffices
     corners = pairwise([high, high + 1j * _TOP, low + 1j * _TOP, low])
     expected = 2 * sum(_turns(f, z, w) for z, w in corners)
     crossings = np.concatenate([(size[:j] - size[j]) / (a[j] - a[:j]) for j in range(1, a.size)])

@@ -36,44 +36,47 @@ from .support.checks import real, refuse, shown
 _ADDED = 3
 # Values of a switch this small, relative to y, may be on either side by rounding.
 _NEAR = 1e-9
-# Change of y for differences, relative to y.
+# Change of y in difference quotients, relative to y.
 _DIFFERENCE = 1e-7
-# Distance from the switch, relative to y.
+# Distance, relative to y, at which a run begins beside the surface of a switch.
 _MARGIN = 1e-12
-# Least such distance.
+# Least distance from the surface of a switch at which a run begins.
 _LEAST = 1e-300
-# Iterations, for switches that are not linear in y.
+# Newton iterations towards the surface of a switch that is not linear in y.
 _ITERATIONS = 4
 
-# Changes by one event follow each other without end if two intervals in a row are shorter than this
+# Changes by one event accumulate without end if two consecutive intervals are shorter than this
 # fraction of the longest interval.
 _CLOSE = 1e-6
-# They do, too, if one interval is shorter than this fraction of the longest.
+# Changes also accumulate if a single interval is shorter than this fraction of the longest.
 _AT_ONCE = 1e-9
-# On given steps two intervals of one step each suffice, if the longest has more than so many steps.
+# On given steps changes also accumulate if two intervals have one step each, and the longest more
+# steps than this.
 _STEPS = 100
-# They do, too, if so many of them are within the fraction _CROWDED of the run.
+# Changes also accumulate if this many of them are within the fraction _CROWDED of the run.
 _MANY = 10_000
 # Fraction of the run in which _MANY changes are too many.
 _CROWDED = 1e-3
-# The longest interval counts as this fraction of the run at least.
+# Least length of the longest interval, as a fraction of the run.
 _LONG = 0.03
 
-# Fractions of the first step after an interruption at which functions are evaluated too.
+# Fractions of the first step after a change at which event functions are evaluated as well.
 _NEXT = 10.0 ** np.arange(-9, 0)
-# Times this close to a start, relatively, show no sign there.
+# Relative distance from a start up to which the sign of an event function is rounding.
 _ROUNDED_TIME = 64 * np.finfo(float).eps
-# A solution that comes back to a switch within this fraction of a step comes back at once.
+# A solution that returns to the surface of a switch within this fraction of a step returns at once.
 _RETURN = 1e-6
-# The same as a fraction of the time.
+# A solution that returns within this fraction of the time returns at once as well.
 _RETURN_TIME = 1e-12
-# Values below this fraction of the largest one over a step may be its rounding.
+# Values of an event function below this fraction of its largest value over a step may be rounding.
 _HIDDEN = 1e-13
-# Values up to this fraction may be the error of where the event was located.
+# Values of an event function up to this fraction of its largest value may be the error of the
+# located time.
 _MISPLACED = 1e-2
-# How far ahead, relative to the time, the motion behind a change is followed.
+# Time for which the motion after a change is predicted, relative to the present time.
 _AHEAD = 1e-8
-# Steps for which an event that has turned back may go on: schemes remember a corner.
+# Steps for which an event whose function has changed its direction may continue, because schemes
+# remember a corner.
 _CORNER = 4
 
 
@@ -348,10 +351,11 @@ class HybridEvents(Events):
         ways: dict[int, Way | None] | None = None,
     ) -> None:
         """Begin at time t, as `Events` do; `ways` are those of events that have just changed y."""
-        # the last value seen: a zero between two stretches is then found once, and only once
+        # the last value seen is kept: so a zero between two calls is found exactly once
         earlier = self._last if t == self._start else {}
         self._last, self.fired, self._ways = earlier | self.fired, {}, ways or {}
-        # switches at which the run begins, which it may yet turn out to leave to the other side
+        # switches on whose surface the run begins, and which may still turn out to be left to the
+        # other side
         self._open: set[int] = set()
         signs = list(after)
         for number, (value, sign) in enumerate(zip(values, after, strict=True)):
@@ -392,7 +396,7 @@ class HybridEvents(Events):
         """Return the times of an interval with `edges` at which functions are evaluated."""
         self._returns: list[tuple[float, int, float]] = []
         if edges[0] == self._start and self._last and not self._counted:
-            # just after a change two zeros may follow each other in any time
+            # just after a change two zeros may be arbitrarily close to each other
             times = np.union1d(times, edges[0] + (edges[1] - edges[0]) * _NEXT)
             near = (times > edges[0]) & (times < edges[0] * (1 + _ROUNDED_TIME))
             times = times[~(near & (times < edges[1]))]
@@ -423,7 +427,7 @@ class HybridEvents(Events):
             if self._is_start(t) or (number in self._open and t <= self._soon(edges)):
                 if number in self._last and (not self._counted or sign != self._last[number]):
                     continue  # where a run goes on from its own event
-                # given steps that end beyond the zero again change there
+                # a given step that ends beyond the zero once more changes at its end
                 t = float(edges[1]) if number in self._last else self._start
                 if number < self.n_events and self._is_known(number, t):
                     continue
@@ -458,7 +462,7 @@ class HybridEvents(Events):
         if acting and (stands <= last or together(stands, last)):
             over = end < math.inf and (last <= stands or bool(together(last, stands)))
             self.fired = {n: sign for t, n, sign in acting if t <= stands or together(t, stands)}
-            # what falls on one time with the interruption is found there
+            # zeros at the time of the interruption are found there
             for i, (t, number, sign) in enumerate(found):
                 found[i] = (stands if together(t, stands) else t, number, sign)
             end = stands

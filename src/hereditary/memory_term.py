@@ -24,7 +24,7 @@ from .stepping.scheme import Scheme
 from .stepping.state import described, described_terms
 from .support.checks import count, instance, positive, real, real_array, refuse, shown
 
-# First steps that may be corrected: the first one, by the term's own value at 0.
+# Number of first steps that may be corrected: one, by the value of the term at 0.
 _CORRECTED = 1
 
 

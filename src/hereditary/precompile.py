@@ -16,7 +16,7 @@ import hereditary as hd
 
 from .compiled.cache import note_target
 
-# Components, more than those of which a step is one dense system (`FEW` in compiled/jacobian.py).
+# Number of components above `FEW` (compiled/jacobian.py), up to which a step is one dense system.
 _MANY = 12
 
 

@@ -29,21 +29,24 @@ from ..support.checks import (
 from ..support.warning import silence, warn
 from .sensitivity import has_tangents, sensitivities
 
-# Relative change of parameters in differences: runs to a tolerance of 1e-8 leave 1e-4 in them.
+# Relative change of parameters in difference quotients. Runs to a tolerance of 1e-8 leave errors of
+# 1e-4 in the quotients.
 _CHANGE = 1e-4
 # Ratio of singular values below which data do not determine a combination of parameters.
 _UNTOLD = 1e-4
-# A parameter with a larger coefficient than this in such combinations has no error.
+# A parameter has no error if its coefficient in an undetermined combination exceeds this.
 _SHARE = 0.01
-# A residual that is no number counts as ten of the largest one, or of so many of the largest value.
+# A residual that is not a number counts as ten times the largest one, or as this multiple of the
+# largest datum.
 _FAR = 1e2
-# One run with tangents takes about twice the time of a run: it pays from so many parameters on.
+# Fewest parameters for which tangents are solved instead of differences: one run with tangents
+# takes about twice the time of a plain run.
 _ENOUGH = 2
-# Arguments of runs that `sensitivities` takes too.
+# Arguments of a fit that `sensitivities` accepts as well.
 _OF_TANGENTS = {"rtol", "atol", "scheme", "history", "breaks", "estimate"}
 # The losses of SciPy's least_squares.
 _LOSSES = "linear", "soft_l1", "huber", "cauchy", "arctan"
-# A curve of the model has at least so many points: about the pixels of a figure's width.
+# Fewest points of the curve of a fitted model: about the pixels of a figure's width.
 _FINE = 1000
 
 

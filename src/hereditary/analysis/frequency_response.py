@@ -13,7 +13,7 @@ from ..support.warning import warn
 from .harmonic_balance import Balance
 from .response_curve import Curve, Peak
 
-# Fewest frequencies above 1 / sqrt(2) of a peak from which its width is computed.
+# Fewest frequencies at which a response exceeds 1 / sqrt(2) of its peak, for a width of the peak.
 _LEAST_ABOVE = 8
 # Most values of the parameter at which the period of the force is checked.
 _LOOKS = 16

@@ -17,7 +17,8 @@ _SAMPLES = 8
 _FEWEST = 129
 # Relative change of a frequency in differences.
 _CHANGE = 1e-7
-# Derivatives by a mean count as 0 below this fraction of the largest one: differences leave 1e-10.
+# A derivative by the mean counts as 0 below this fraction of the largest derivative: differences
+# have errors of 1e-10.
 _FREE = 1e-7
 
 

@@ -52,32 +52,34 @@ from ..support.checks import (
 from ..support.warning import silence, warn
 from .growth import LyapunovResult, Verdict, assess, kaplan_yorke
 
-# What to write instead of keywords of former versions.
+# Keywords of former versions, and what to write instead.
 _INSTEAD = {"resume": "make one run to the last time: `trace` has the rates of every earlier one"}
 _MODES = ("tangent", "pair")
-# More blocks than a window holds records are equal parts of them.
+# Most blocks behind the standard error.
 _MOST_BLOCKS = 10_000
-# Marks of a run by a tolerance, at which tangents may be renormalised.
+# Default number of equally spaced times at which a run to a tolerance may renormalise tangents.
 _MARKS = 1 << 16
-# Most steps of such a run: no limit, in practice.
+# `max_steps` of a run to a tolerance: in practice no limit.
 _ANY = 10**9
-# Records of a run whose intervals follow the growth. More records cost time, and the late window
-# has half of them.
+# Renormalisations of a run whose intervals follow the growth. More of them cost time, and half of
+# them are in the late window.
 _RECORDS = 128
-# First interval of such a run [steps].
+# First interval between renormalisations where intervals follow the growth [steps].
 _FIRST = 32
-# Tangents further apart than exp(this) leave the smaller one fewer than six digits.
+# Largest difference of the logarithms of growth in one interval. Beyond it, the smaller tangent has
+# fewer than six digits.
 _WIDE = 22.0
 _LOST = (
     "tangents overflowed or vanished, or orbits fell together; shorten renorm, "
     "or in mode 'pair' take a larger separation"
 )
-# Least separation of orbits that meet a jump in different steps.
+# Least separation with which neighbouring orbits meet a jump in different steps.
 _APART = 1e-3
-# States of the orbit between which jumps of the right-hand side are sought: ten times as many find
-# more of what the orbit crosses rarely, and cost 30 ms.
+# Number of states of the orbit between which jumps of the right-hand side are looked for. Ten times
+# as many find more rare jumps and cost 30 ms.
 _STATES = 33
-# Jumps below this share of the largest |f| are not sought: a tenth of it takes a third more time.
+# Jumps below this fraction of the largest |f| are not looked for. A tenth of it takes a third more
+# time.
 _SMALLEST = 1e-3
 # Halvings of a line between two states, after which a continuous f has no change left. With a tenth
 # of them steep functions count as jumps; ten times as many change nothing.
@@ -85,15 +87,16 @@ _HALVINGS = 50
 _JUMPS = "the right-hand side jumps between states of the orbit, and tangents do not see jumps"
 # Status of runs that reached their end.
 _AT_END = Status.COMPLETED, Status.STEP_TOO_LARGE, Status.KERNEL_INACCURATE, Status.ZIGZAG
-# Largest tolerance of `Collocation` that leaves room for one ten times as large.
+# Largest tolerance that the second run multiplies by ten; looser runs are repeated at a tenth.
 _LOOSEST = 0.01
-# Order alpha, next to 1, at which the order of convergence of a scheme is evaluated.
+# Order of the equation at which the order of convergence of a scheme is compared.
 _NEAR_1 = 0.95
-# Largest order of convergence there of a scheme of first order.
+# Largest order of convergence, at that order of the equation, of a scheme of first order.
 _FIRST_ORDER = 1.25
-# Lowest order for which `Adams` is of second order and its stability limit is watched.
+# Lowest order of an equation for which `Adams` is the default: below it `Adams` is not of second
+# order, or no stability limit is known.
 _ADAMS_LOWEST = 0.5
-# Highest such order.
+# Highest order of an equation for which `Adams` is the default.
 _ADAMS_HIGHEST = 1.0
 
 # A time and the components (d,) there.

@@ -15,9 +15,9 @@ from .sections import check_component, check_unbroken, values_at
 _MOST = 2**18
 # Fewest values of a series.
 _FEWEST = 16
-# Least ratio of a peak to its neighbours.
+# Least ratio of the power of a peak to that of the frequencies next to it.
 _PROMINENT = 4.0
-# Least ratio of a peak to the highest one.
+# Least ratio of the power of a peak to that of the highest peak.
 _LEAST = 1e-8
 
 

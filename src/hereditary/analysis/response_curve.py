@@ -10,33 +10,34 @@ import numpy as np
 
 from .harmonic_balance import Balance
 
-# Newton iterations at the first value.
+# Most Newton iterations at the first value of the parameter.
 _ITERATIONS = 30
 # Relative change of the response that ends Newton's method.
 _TOLERANCE = 1e-12
-# Relative change that ends it, too, if it is not below a quarter of the last one: by rounding.
+# Relative change that also ends Newton's method if the last iteration did not reduce it to a
+# quarter, because of rounding.
 _STALLED = 1e-7
-# Shortest step along the curve, in units of responses and values there.
+# Shortest step along the curve, relative to the units of responses and of the parameter.
 _SHORTEST = 1e-7
-# Longest step, in the same units.
+# Longest step along the curve, relative to the same units as the shortest.
 _LONGEST = 0.03
-# Growth factor of the step after few iterations.
+# Growth of the step after few Newton iterations.
 _GROW = 1.5
 # Most iterations that count as few.
 _FEW_ITERATIONS = 5
-# Most iterations to a next point.
+# Most Newton iterations for one point of the curve.
 _TRIES = 10
 # Most points of a curve.
 _MOST_POINTS = 20_000
-# Cosine of the largest bend between two points.
+# Cosine of the largest angle between two consecutive steps along the curve.
 _STRAIGHT = 0.9
-# Least unit of responses, relative to the largest so far.
+# Least unit of a response, relative to the largest response so far.
 _LEAST = 1e-6
-# Largest unit of a frequency along the curve, relative to the frequency.
+# Largest unit of a frequency along the curve, relative to that frequency.
 _FREQUENCIES = 10.0
-# Places at which each piece of the curve is looked at.
+# Points of each step at which the curve is compared with its spline.
 _LOOKS = 8
-# Share of its size that a response may be away from where the spline through the points has it.
+# Largest difference of a response from the spline through the points, relative to the response.
 _AWAY = 0.1
 
 
@@ -87,7 +88,7 @@ class Curve:
         (place,), step, largest, wanted = places, _LONGEST, 0.0, self._wanted
         tangent: np.ndarray = self._sign * self._value
         for _ in range(_MOST_POINTS):
-            # steps are short beside a narrow peak: in units of the response here
+            # next to a narrow peak steps are short: their unit is the response at this point
             size = float(np.linalg.norm(place[:-1]))
             largest = max(largest, size)
             unit = min(self._range, _FREQUENCIES * place[-1] if self._positive else np.inf)

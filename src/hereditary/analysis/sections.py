@@ -16,14 +16,14 @@ from numpy.typing import ArrayLike
 from ..solver.solution import Solution
 from ..support.checks import count, instance, positive, real, real_array, refuse, shown
 
-# Points of each step at which a dense output is looked at for maxima.
+# Points of each step at which dense output is evaluated to find maxima.
 _LOOKS = 8
 # Refinements of a maximum. A parabola over a distance d misses the place by d**2, so that only
 # rounding remains after four.
 _REFINEMENTS = 4
-# Ratio of the distance d of a refinement to that of the last one.
+# Ratio of the distances d of two consecutive refinements.
 _CLOSER = 1 / 16
-# Samples that fit into memory.
+# Most samples of a section, because of storage.
 _MOST_SAMPLES = 10_000_000
 
 
@@ -90,7 +90,7 @@ def stroboscopic(
     """
     instance("solution", solution, Solution, "hereditary.solve(...)")
     period, begin = positive("period", period), _begin(solution, transient)
-    # a period that divides the run up to rounding still gives its last sample
+    # up to rounding a period may divide the run; then the sample at the end counts
     if np.ptp(solution.t[[0, -1]]) > _MOST_SAMPLES * period:
         required = f"give at most {_MOST_SAMPLES} samples"
         refuse("period", required, period, "give one of the orbit's own")

@@ -26,7 +26,7 @@ _KINDS = ("params", "y0", "orders")
 _BY_STEPS = 1e-5
 # Change of an order in differences of runs by a tolerance.
 _BY_TOLERANCE = 1e-4
-# Largest tolerance of such runs.
+# Largest tolerance of the runs whose differences give derivatives by an order.
 _TIGHT = 1e-11
 
 

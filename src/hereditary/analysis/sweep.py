@@ -31,7 +31,8 @@ from ..support.machine import cores
 from ..support.warning import warn
 from .table import COMPLETED, STATUS_LENGTH, Point, Table, table_of
 
-# Points that an executor holds at a time: enough for its workers, few enough for any grid.
+# Most points that are submitted to an executor at a time: enough for its workers, few enough for
+# any grid.
 _IN_FLIGHT = 1024
 # Seconds between two checks for Ctrl-C.
 _CHECK = 0.1
@@ -159,7 +160,7 @@ def _axis(name: Any, values: Any) -> np.ndarray:
     if array.ndim != 1 or array.size == 0:
         refuse(argument, "be a flat sequence of at least one value", got)
     numbers = array.dtype.kind in "biuf"
-    # numpy turns numbers beside strings into strings
+    # an array of numbers and strings would turn the numbers into strings
     if not numbers and not all(isinstance(value, str) for value in values):
         refuse(argument, "have only numbers or strings", got, kind=TypeError)
     if numbers and not np.isfinite(array).all():
@@ -206,7 +207,7 @@ def _run(
     running: dict[Any, dict] = {}
     bar, n_left, n_done = ProgressBar(progress), points.count(None), 0
     try:
-        # raised where a lock of the executor is taken, an exception would leave it locked
+        # an exception that is raised while the executor takes a lock would leave it locked
         with Interruption(counted=sys.maxsize) as interruption:
             while True:
                 if interruption.asked > 1:

@@ -16,7 +16,8 @@ from ..support.optional import optional
 COMPLETED = "completed"
 # Status of a point that was not computed yet.
 NOT_COMPUTED = "not computed"
-# A status is one line of at most so many characters: arrays of strings are as wide as the widest.
+# Longest status, one line of so many characters. In an array of strings each takes as much storage
+# as the longest.
 STATUS_LENGTH = 200
 _STATUS = "status"
 # Rows that a notebook shows.

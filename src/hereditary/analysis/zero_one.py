@@ -13,9 +13,9 @@ from .sections import extrema, tops
 
 # Fewest values of a series.
 _FEWEST = 200
-# Longest lag of displacements, as a fraction of the length of the series.
+# Longest lag of mean square displacements, as a fraction of the length of the series.
 _SHARE = 0.1
-# Range of frequencies, which excludes resonances at 0 and pi.
+# Range of the random frequencies. It excludes the resonances at 0 and pi.
 _RANGE = (np.pi / 5, 4 * np.pi / 5)
 # Maxima that differ by less than this fraction of the component's range are equal.
 _SAME = 1e-3
@@ -23,7 +23,7 @@ _SAME = 1e-3
 _ROUNDING = 1e-10
 # Signs of the extrema that are tested: maxima alone, or minima as well.
 _SIGNS = {"maxima": (1.0,), "extrema": (1.0, -1.0), "values": ()}
-# K above this is chaos, and below one minus it none.
+# The series is chaotic if the median K exceeds this, and regular if it is below one minus this.
 _SURE = 0.8
 
 

@@ -16,10 +16,11 @@ from .kernel_fits import closest_signed, closest_table, root_mean_square
 from .memory_kernel import ExponentialSum, MemoryKernel
 from .special import gauss_unit
 
-# The behaviour at 0 is read at the smallest of these times at which the function has a value.
+# Times at which the behaviour at 0 is read: the smallest one at which the function has a value.
 _LADDER = 10.0 ** np.arange(-290.0, 1.0, 10.0)
 _TINY = 1e-300
-# Times an e-fold before the first of a table, at which a run's fit follows its power law.
+# Fit points per factor e of time before the first datum of a table, where the fit follows the power
+# law of the run.
 _PER_E_FOLD = 24
 _NODES, _WEIGHTS = gauss_unit(20)
 
@@ -247,7 +248,7 @@ class TabulatedKernel(Kernel):
 
         Here `tol` bounds the largest relative misfit; what comes closest is returned in any case.
         """
-        # at the data alone, for between them nobody knows
+        # the error is checked at the data alone, because the values between them are unknown
         first = max(0, min(int(np.searchsorted(self._t, t_min)) - 1, self._t.size - 4))
         times = self._t[first:]
         if t_min < times[0]:

@@ -21,36 +21,40 @@ from scipy.special import gammaincc, gammainccinv, gammaln, loggamma, rgamma
 
 from ..support.checks import positive, refuse, within
 
-# Fraction of the tolerance for the trapezoidal rule. This and the next two add up to 1.
+# Fraction of the tolerance for the trapezoidal rule. It adds up to 1 with the fractions of both
+# cuts.
 _TRAPEZOID = 0.90
 # Fraction of the tolerance for the cut at fast rates.
 _FAST = 0.05
 # Fraction of the tolerance for the cut at slow rates.
 _SLOW = 0.05
-# Sizes m of Gauss rules for slow rates, and log((2 m)! 4**(2 m)) of their errors.
+# Numbers m of nodes of the Gauss rules for slow rates, and log((2 m)! 4**(2 m)) of their errors.
 _SLOW_RULES = np.arange(1, 40)
 _OF_SLOW_RULES = gammaln(2 * _SLOW_RULES + 1) + 2 * _SLOW_RULES * math.log(4.0)
-# Points in an oscillation of the error curve in log t, whose band limit is 2 pi / h. They give its
-# maximum to 0.9 %.
+# Check points in one oscillation of the error curve in log t, whose band limit is 2 pi / h. The
+# largest error at these points is below the maximum by at most 0.9 %.
 _DIVISIONS = 24
-# Fewest points of the curve.
+# Fewest check points of the error curve.
 _FEWEST_POINTS = 200
-# An error that is below tol over this at these points is below tol at all times.
+# An error below tol divided by this number at all check points is below tol at all times.
 _CERTIFICATE = 1.01
-# Steps h are multiples of 24 / 2**30: logarithms of rates and of points of the check, which divide
-# them, are then exact, and with them the products of both.
+# Steps h in log(rate) are multiples of 24 / 2**30. Then logarithms of rates and of check points,
+# which divide them, are exact, and so are the logarithms of products of both.
 _UNIT_STEP = _DIVISIONS / 2**30
 _TOL_MIN = 1e-13
-# Fractions of the tolerance to construct a fit for, tried until its checked error is within it.
+# A fit is constructed for these fractions of the tolerance, in turn, until its checked error is
+# below the tolerance.
 _FRACTIONS = 1.0, 0.9, 0.7, 0.5
-# Least error that can be required: a constant plus a multiple of log(R), the rounding of powers.
+# Least tolerance of a fit: this constant plus this multiple of log(R), which is the rounding of
+# powers.
 _ROUNDING = 1.2e-14, 3e-16
 RATIO_MAX = 1e100
-# Nodes of the slow end that all orders share, in units of its fastest rate, those of Chebyshev and
-# Radau: with three of them all weights are positive, with more they are not for every order.
+# Number of slow rates that all orders share, in units of the fastest of them: nodes of Chebyshev
+# and of Radau. With three of them all weights are positive; with more they are not for every order.
 SLOW_NODES = 3
 _NODES = (1 - np.cos(2 * np.pi * np.arange(SLOW_NODES) / (2 * SLOW_NODES - 1))) / 2
-# Exponents that rounding takes for 0 count as this: then too their share stays what it is.
+# Exponents below this are replaced by it. So an exponent that rounding takes for 0 has the weights
+# of a small one.
 SMALLEST = 1e-290
 
 
@@ -303,7 +307,8 @@ def bank_of_all_orders(ratio: float, tol: float) -> tuple[np.ndarray, float, flo
     a = np.append(1e-9, np.linspace(0.01, 1.0, 100))
     h = min(trapezoid_step(value, tol / 1.01) for value in (1e-3, 0.5, 1.0))
     fast = max(1.0, float(gammainccinv(1.0, _FAST * tol)))
-    # what three nodes leave of exp(-t s), s up to kappa / t, times the mass there
+    # error of three nodes for the integral of exp(-t s) over s up to kappa / t, times the mass
+    # there
     u = np.linspace(0.0, 1.0, 513)
     left = np.abs(np.prod(u[:, None] - _NODES, axis=1)).max() / math.factorial(SLOW_NODES)
     mass = np.log(h) - gammaln(a) - np.log(-np.expm1(-a * h))

@@ -20,49 +20,57 @@ from numpy.lib.stride_tricks import sliding_window_view
 from ..support.checks import complaint, refuse
 from .exponential_sum import trapezoid_step
 
-# Check points in an oscillation of a power law's error curve.
+# Check points in one oscillation of the error curve of a power law.
 _POINTS_PER_OSCILLATION = 48
-# One of so many check points is fitted.
+# Of this many neighbouring check points one enters the least squares; all of them are checked.
 _FITTED = 8
-# Errors count relative to the kernel's size, and at least to this fraction of the mean of that from
-# 0 to t: a convolution sees the mean.
+# Errors are relative to the kernel where it exceeds this fraction of its mean from 0 to t, and
+# relative to that fraction elsewhere. A convolution depends on the mean.
 _OF_MEAN = 1e-3
-# Most that the ends of a fit by values may differ by: least squares take two seconds there.
+# Largest ratio of the last to the first time of a fit by values. Least squares take two seconds at
+# this ratio.
 RATIO_OF_VALUES = 1e60
-# Singular values that signed fits leave out, relative to the largest.
+# Singular values below these fractions of the largest one are left out of signed fits; each
+# fraction is tried.
 _CUTS = (1e-8, 1e-10, 1e-12, 1e-14)
-# Equally spaced samples of a pencil.
+# Number of equally spaced samples of a matrix pencil.
 _EVEN = 800
-# Time of the first pencil over that of the second: exp(-t) cos(200 t) to t = 50 has too few samples
-# in the first.
+# Length of the first matrix pencil over that of the second. In the first, exp(-t) cos(200 t) up to
+# t = 50 has too few samples.
 _SHORTER = 16
-# Slowest rate of grids above 0, times t_max.
+# Slowest positive rate of grids, in units of 1 / t_max.
 _SLOWEST = 0.02
-# Spacings of the grid, relative to that of a trapezoidal rule of this tolerance.
+# Spacings of the grid in log(rate), relative to the step of a trapezoidal rule of the same
+# tolerance. They are tried from the coarsest on.
 _SPACINGS = (0.92, 0.75, 0.6)
-# A finer spacing follows where the error is below so many tolerances.
+# The next finer spacing is tried if the error is below this many tolerances.
 _NEAR = 300.0
-# Rates are added where the misfit's gradient is above this fraction of its maximum.
+# A round adds the rates at which the gradient of the misfit exceeds this fraction of its maximum.
 _OF_GRADIENT = 0.01
-# A maximum below this is rounding, and all rates are added.
+# A gradient whose maximum is below this is rounding, and all rates are added.
 _ROUNDING = 1e-14
-# Most rounds. Of 800 fits of random kernels (convergence/random_kernels.py) the most took 15.
+# Most rounds of adding rates. Of 800 fits of random kernels (convergence/random_kernels.py) none
+# took more than 15.
 _ROUNDS = 20
-# Rounds that end the search where the error has not halved.
+# Rounds after which the search ends, if the error has not halved during them.
 _STALL = 8
-# Pairs of rates that are merged at once: one, and one more for so many rates.
+# A merge of neighbouring rates merges one pair at once, and one more for each multiple of this
+# number of rates.
 _AT_ONCE = 32
-# Most iterations of one solution, in columns; 30 were needed.
+# Most iterations of one least-squares solution, in units of its columns. The fits of random kernels
+# needed 30.
 _ITERATIONS = 60
-# Most work of all solutions, in rows times columns squared: it takes a second.
+# Most work of all least-squares solutions of a fit: the sum of rows times columns squared. It takes
+# a second.
 _WORK = 4e8
-# A run's kernel may rise or be negative by this fraction of its size: by rounding.
+# Fraction of its size by which the kernel of a run may rise or be negative, because of rounding.
 _SLACK = 1e-6
-# A run's kernel is checked from this fraction of its end on, whatever its steps.
+# The kernel of a run is checked from this fraction of the end of the run on, whatever the steps
+# are.
 _CHECKED = 1e-8
-# Tolerance of the fit by which it is checked.
+# Tolerance of the rough fit by which the kernel of a run is checked.
 _ROUGH = 1e-3
-# Error of this fit from which a kernel is refused: that of exp(-t**2) is 0.8.
+# Error of the rough fit from which on a kernel is refused. The error of exp(-t**2) is 0.8.
 _HOPELESS = 0.1
 
 

@@ -15,41 +15,41 @@ from .by_values import Kernel
 # _STEP. Its three errors (towards the cut, to the right, truncation) are below 1e-15 for every
 # scale from 6 to 12.4. Rounding grows by exp(scale (1 - sin 0.8)) <= 33.
 _STEP = 0.055
-# Number of its nodes.
+# Number of nodes of the hyperbola.
 _NODES = 54
 _THETA = 1j * (np.arange(_NODES) + 0.5) * _STEP - 0.8
 # Nodes zeta of the hyperbola.
 ZETA = 1 + np.sin(_THETA)
-# Weights of these nodes in the inverse transform.
+# Weights of the nodes ZETA in the inverse transform.
 WEIGHTS = _STEP / np.pi * np.cos(_THETA)
-# Scale of the hyperbola that gives the values.
+# Scale of the hyperbola from which values are computed.
 _SCALE = 6.0
-# Scale of a second hyperbola, which checks them.
+# Scale of the second hyperbola, which checks the values of the first.
 _OTHER = 8.6
-# Largest difference of both over the mean of the kernel. Analytic transforms leave 1e-13, one with
-# a pole between the hyperbolas about 1.
+# Largest difference of the values by both hyperbolas, relative to the mean of the kernel. Analytic
+# transforms leave 1e-13, a transform with a pole between the hyperbolas about 1.
 _DIFFERENCE = 1e-9
-# Values of a call that are compared, at the most: to compare all doubles its time. A pole off the
-# axis shows at times over a factor of 1.4, the ratio of the scales.
+# Most values of one call that are checked by the second hyperbola: to check all values doubles the
+# time. A pole off the axis shows at times over a factor of 1.4, the ratio of the scales.
 _CHECKED = 400
-# Relative changes of s by rounding.
+# Relative changes of s at which the sensitivity of a transform to rounding is measured.
 _MOVED = (1e-15, 4e-15)
-# Relative change of exact values that they may make. Kernels whose transforms cancel at infinity
+# Largest relative change of values by rounding of s. Kernels whose transforms cancel at infinity
 # change by more before some time, and are continued by a power from there. ln((s + 10)/(s + 1/2))
 # has 1e-7 at t = 1e-8, sums of powers have 1e-14 at all times.
 _ROUNDED = 1e-7
-# Two inversions may differ by so many times that.
+# Two inversions may differ by this multiple of the change by rounding.
 _OF_ROUNDING = 1e3
-# Times where rounding is sought.
+# Times at which the change by rounding is measured.
 _LADDER = 10.0 ** np.arange(-290, 291)
-# Decimals of an exponent that is computed there.
+# Decimals to which the exponent of the power near 0 is computed.
 _DIGITS = 4
 # Values of completely monotone kernels between a power of two and the next one are a polynomial: it
 # converges like 5.8**-n, for K is analytic and bounded to the right of each positive time.
 _DEGREE = 20
 _POINTS = np.cos(np.pi * (np.arange(_DEGREE) + 0.5) / _DEGREE)
 _OF_VALUES = np.linalg.inv(chebyshev.chebvander(_POINTS, _DEGREE - 1)).T
-# Times that are inverted at once: complex numbers for all nodes take 17 MB.
+# Most times that are inverted at once. Complex numbers for all nodes then take 17 MB.
 _AT_ONCE = 20_000
 
 
@@ -128,7 +128,7 @@ class LaplaceKernel(Kernel):
             return super()._slope_at_zero()
         with np.errstate(all="ignore"):  # of kernels that are refused for their exponent
             early = np.abs(self._inverted(self._first * np.array([1.0, 2.0])))
-            # a signed kernel may be rounding there beside its later values
+            # the early values of a signed kernel may be rounding relative to its later values
             early = np.maximum(early, _ROUNDED * self._largest[_rung(self._first)])
             return max(0.0, round(float(np.nan_to_num(np.log2(early[0] / early[1]))), _DIGITS))
 

@@ -18,15 +18,16 @@ from .exponential_sum import fit_interval
 from .kernel_fits import closest_positive, in_pairs
 from .special import mean_exponential
 
-# Between the check points of a fit its error is no larger than at them times this.
+# Between check points the error of a fit is at most this multiple of the largest error at them.
 _MISSED = 1.05
-# Least tolerance of kernels in runs on given steps, whose schemes err by more.
+# Least tolerance of kernel fits on given steps, whose schemes have larger errors.
 _ON_GIVEN_STEPS = 1e-6
 # Largest misfit of a table that counts as noise: 3 % of noise leave it at a thousand data.
 _NOISE = 0.1
 _ADVICE = "allow for that, or use Direct or FFT, which take kernels as they are"
 
-# Slowest rate of fits of named kernels, times t_max: nothing else is left of rounding.
+# Slowest rate in fits of named kernels, in units of 1 / t_max. Slower modes differ from a constant
+# by rounding alone.
 _BEYOND = 1e-14
 
 
@@ -103,7 +104,7 @@ class MemoryKernel(ABC):
         fit = ExponentialSum(*closest_positive(self, t_min, t_max, tol, fading))
         if self.by_values:
             return fit
-        # no named kernel lasts, so a rate of 0 is one beyond the fit
+        # no named kernel has a constant part, so a rate of 0 is replaced by the slowest rate
         return replace(fit, rates=np.maximum(fit.rates, _BEYOND / t_max))
 
     def __mul__(self, factor: float) -> ScaledKernel:

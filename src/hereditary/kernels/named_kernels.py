@@ -18,7 +18,7 @@ from .special import first_moment_exponential, gauss_unit, mean_exponential
 
 # Largest exponent below 1.
 _BELOW_ONE = math.nextafter(1.0, 0.0)
-# exp(-700) is still a normal number: beyond, kernels and their sums are 0.
+# Largest exponent x at which exp(-x) is computed; beyond it kernels and their sums are set to 0.
 _GONE = 700.0
 # Largest shape of a gamma density; each whole number is one more equation.
 _MOST_STAGES = 50.0

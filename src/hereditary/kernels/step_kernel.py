@@ -67,7 +67,7 @@ class PowerSteps:
         moments = np.zeros(n)
         v, weights = gauss_unit(16)
         middle = np.arange(n - 1)[:, None] + theta + 0.5
-        # less its value in the middle, whose moment is 0: nothing left cancels
+        # the integrand minus its value in the middle, whose first moment is 0: so nothing cancels
         excess = np.expm1((self.p - 1) * np.log1p((v - 0.5) / middle))
         moments[1:] = self.p * middle[:, 0] ** (self.p - 1) * (excess @ (weights * (0.5 - v)))
         return moments

@@ -19,8 +19,8 @@ from ..given.linear_solvers import NewtonSetup
 from ..support.checks import complaint, count, refuse, refuse_masked, shown
 from .linear_solvers import newton_of_structure
 
-# Diagonals up to which a pattern is taken for a band, its components put in another order: SuperLU
-# takes less time beyond.
+# Most diagonals of a pattern that is factorised as a band, after its components are reordered. With
+# more diagonals SuperLU takes less time.
 _WIDEST = 64
 
 

@@ -17,11 +17,11 @@ from .job import Job, merged
 from .runs import CLASSICAL, exponents, growth_exponent, orbit, signs
 
 T_END = 100.0
-# Steps of length tau = 0.005, which fits the paper's figures.
+# Number of steps of length tau = 0.005, with which the figures of the paper agree.
 N_STEPS = 20_000
-# Steps of a tenth of this length.
+# Number of steps of a tenth of that length.
 FINE_STEPS = 200_000
-# Length of long runs.
+# Length of long runs [time].
 LONG = 1000.0
 # Relative tolerance of long runs.
 LONG_RTOL = 1e-8

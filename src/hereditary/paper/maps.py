@@ -17,16 +17,16 @@ from .job import Job, merged
 from .regimes import Regime
 from .runs import CLASSICAL, regime, section
 
-# Length of a run from whose second half samples are taken, 143 of them at b = 3.
+# Length of a run of a bifurcation diagram [time]. Samples come from its second half: 143 at b = 3.
 T_DIAGRAM = 600.0
-# Most samples of such a run.
+# Most samples of one run of a bifurcation diagram.
 N_SAMPLES = 150
-# Steps of a run of diagrams over the orders, where steps are given: collocation finds none for
-# orders of inertia near 1.
+# Number of steps of a run in diagrams over the orders. They are given, because collocation finds no
+# steps for orders of inertia near 1.
 STEPS_DIAGRAM = 120_000
-# Length of a run of a map.
+# Length of a run in a map of regimes [time].
 T_MAP = 400.0
-# Steps of a run of a map.
+# Number of steps of a run in a map of regimes.
 STEPS_MAP = 20_000
 _MEMORY = r"$\beta = 1.8$, $\gamma = 0.8$"
 

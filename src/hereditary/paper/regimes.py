@@ -19,17 +19,20 @@ from ..analysis.sections import check_unbroken, values_at
 from ..solver.solution import Solution, Status
 from ..support.checks import instance, positive, real, refuse
 
-# A load rests while it moves less than this share of the way that it is pulled in a quarter of the
-# wells' period. Small shares ask for a firm stop; a load in a soft well creeps at up to 1/2.
+# A load rests while it moves by less than this fraction of what the pull advances in a quarter of
+# the period of the wells. A small fraction asks for a firm stop; a load in a soft well creeps at up
+# to 1/2.
 _SLOWNESS = (0.25, 0.5, 0.75)
-# Resting for less than this share of the time, e.g. at the start alone, is no sticking.
+# Least fraction of the time at rest that counts as sticking. Less of it may be rest at the start
+# alone.
 _REST = 0.05
-# The orbit repeats itself when the times spent in the wells do, within these shares of the longest
-# (root mean square).
+# The orbit repeats itself if the times spent in the wells repeat. These are the tolerances of their
+# root mean square difference, relative to the longest time.
 _TOLERANCES = (0.025, 0.05, 0.1)
-# Shares of the run, its end, that votes are taken from.
+# Votes are taken from these last fractions of the run.
 _WINDOWS = (1.0, 0.75, 0.5)
-# Long times in a well, above half of the longest, that must be seen to judge repetition at all.
+# Fewest long times in a well from which repetition is judged. A time is long if it exceeds half of
+# the longest.
 _STAYS = 4
 # Points of the orbit in one period of the wells.
 _LOOKS = 64
@@ -37,7 +40,8 @@ _LOOKS = 64
 _FEWEST = 512
 # Most points of a run.
 _MOST = 65_536
-# Ends of a run about which nothing is said: all but those asked for, and those at the end.
+# Statuses of a run whose regime is not judged: all but completed runs and those that the user
+# stopped.
 _CUT_SHORT = frozenset(Status) - {
     Status.COMPLETED,
     Status.STEP_TOO_LARGE,
@@ -46,7 +50,8 @@ _CUT_SHORT = frozenset(Status) - {
     Status.INTERRUPTED,
     Status.EVENT,
 }
-# Most that a slope of an exponent may say: its normal law is not known to hold further out.
+# Largest probability that follows from the slope of an exponent, whose normal distribution is
+# unknown further out.
 _SUREST = 0.99
 
 
@@ -192,7 +197,7 @@ def classify(
         regime = Regime.UNDETERMINED
     elif regime is Regime.PERIODIC:
         against, known = _share_irregular(orbits)
-        # late slopes of few stays are those of the well that the load rests in
+        # with few stays a late slope is that of the well in which the load rests
         growth = 0.5 + known * (_chance_of_growth(exponent) - 0.5)
         irregular = _odds(against, growth)
         regime = Regime.IRREGULAR if irregular > 0.5 else Regime.PERIODIC
@@ -221,7 +226,8 @@ class _Orbit:
         self._t = np.linspace(begin, solution.t[-1], n + 1)
         x = values_at(solution, self._t)[:, 0]
         self._well = np.floor(x / spacing)
-        # looks in a quarter period, the way made in it, and the way of the pull
+        # points in a quarter of the period, the advance of the load in it, and the advance of the
+        # pull
         step = self._t[1] - self._t[0]
         self._quarter = int(np.clip(period / 4 / step, 1, n).round())
         self._advance = np.abs(x[self._quarter :] - x[: -self._quarter])
@@ -256,7 +262,7 @@ class _Orbit:
         """Return starts and ends of the intervals at rest, one for each well."""
         slow = np.concatenate([[0], self._slow(_SLOWNESS[1]).astype(int), [0]])
         edges = np.flatnonzero(np.diff(slow))
-        # a rest may begin or end on the way from one well to the next, its middle is in one
+        # at its ends a rest may be between two wells; in its middle the load is in one well
         half = self._quarter // 2
         stays: list[list[int]] = []
         for start, stop in zip(edges[::2], edges[1::2] - 1 + self._quarter, strict=True):

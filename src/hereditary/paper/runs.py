@@ -26,15 +26,15 @@ from .regimes import classify
 CLASSICAL = {"beta": 2.0, "gamma": 1.0}
 # Distance of the barriers.
 WELL = 2 * math.pi
-# The displacement that is followed in spectra: of x(0) alone, as where an algorithm begins with the
-# unit vectors. At T = 100 another one changes some of the signs. Figures show runs at several steps
-# and horizons beside each other, in the place of a second run behind each.
+# Initial tangent of the spectra: along x(0) alone, as in algorithms that begin with unit vectors.
+# At T = 100 another tangent changes some of the signs. Figures compare several steps and horizons,
+# so no run is repeated for verification.
 ALONE: dict[str, Any] = {"directions": [[1.0], [0.0]], "verify": False}
-# Most steps between two renormalisations of a run whose horizons are read from its record.
+# Most steps between two renormalisations in runs whose exponents are read at several horizons.
 _INTERVAL = 200
-# Late part of a record, as `lyapunov` has it.
+# Fraction of a record, its end, from which slopes are computed; as in `lyapunov`.
 _WINDOW = 0.5
-# Blocks of this part.
+# Number of blocks of that part, for the standard error.
 _BLOCKS = 20
 
 
@@ -120,7 +120,7 @@ def regime(*, t_end: float, n_steps: int, **parameters: Any) -> dict[str, Any]:
     """
     equation, scheme = stick_slip(**parameters), BDF(2)
     n_steps = _solvable(n_steps, t_end, **parameters)
-    # rows to the quarter of a slip suffice
+    # rows at a quarter of the duration of a slip suffice
     solution, check = (
         solve(equation, t_end, n, scheme=scheme, save_every=every)
         for n, every in ((n_steps, 4), (n_steps // 2, 2))

@@ -34,9 +34,9 @@ COLOURS = {
     "stuck": _DARK,
     "undetermined": _PALE,
 }
-# The palest shade of a regime: even a verdict without certainty shows its hue.
+# Opacity of a regime without certainty, whose colour must still be visible.
 _PALEST = 0.12
-# More points than these are drawn as an image.
+# Number of points from which on a table is drawn as an image.
 _MANY = 2000
 
 

@@ -22,9 +22,9 @@ from ..support.checks import count, positive, real, real_array, refuse
 from .linear import oscillator_terms
 from .stick_slip import checked_well, over_sine, slope_of_wells
 
-# Length of the interval of initial places by default.
+# Default length of the interval from which the initial positions of blocks are taken.
 _SPREAD = 0.4
-# Inverse of the golden ratio, by which they are shifted from block to block.
+# Inverse of the golden ratio: the shift of the initial position from block to block, modulo 1.
 _GOLDEN = 0.6180339887498949
 
 

@@ -25,7 +25,7 @@ from .linear import oscillator_terms
 PRINTED_WELL = (0.436, 0.344, 0.164, 0.058, 0.021, 0.004, 0.003)
 # A stay between two barriers counts as sticking when it lasts longer than this [time].
 _SHORTEST_STAY = 3.0
-# Points of each step at which a dense output is looked at.
+# Points of each step at which dense output is evaluated to find stays.
 _LOOKS = 8
 
 
@@ -216,7 +216,8 @@ def sticking_intervals(
     stays, start = [], float(t[0])
     for i in np.flatnonzero(np.diff(well)):
         up = int(well[i + 1] > well[i])
-        # a row can leap over several wells: it leaves the old one and enters the new one
+        # between two rows the load may pass several wells: it leaves the old one and enters the new
+        # one
         stays.append((start, crossing(i, 2 * np.pi * (well[i] + up))))
         start = crossing(i, 2 * np.pi * (well[i + 1] + 1 - up))
     stays.append((start, float(t[-1])))
