@@ -62,14 +62,15 @@ MAX_STEPS = 1_000_000
 # Longest step where the solution is at rest, as fraction of the run; a longer one could miss a
 # force that sets in later.
 _DORMANT = 1 / 32
-# Longest first step at rest, as fraction of that: the nodes of first steps are further apart.
+# Longest first step of a solution at rest, as a fraction of the longest step at rest: the nodes of
+# first steps are further apart.
 _FIRST_AT_REST = 1 / 16
-# A run stalls after so many consecutive blocks of 200 steps or more that are still and slow. The
-# last one then covers at most twice the time of the first.
+# A run stalls after this many consecutive blocks, of 200 steps or more each, that are still and
+# slow. The last block then covers at most twice the time of the first.
 _STRETCHES = 4
-# A block is still if the solution changes by less than this fraction.
+# A block is still if the solution changes by less than this fraction of its size.
 _STILL = 1e-2
-# If more steps than this are rejected, relative to accepted ones, a block is slow if `max_steps`
+# If more than this fraction of the accepted steps is rejected, a block is slow when `max_steps`
 # does not suffice to the end.
 _REFUSED = 0.125
 # A block is slow in any case if the run needs more than so many steps to its end.
@@ -77,14 +78,16 @@ _MOST_STEPS = 1e7
 # A run that ends has blown up if the solution exceeds all earlier values, and grew by more than
 # this fraction over the last step.
 _GROWING = 1e-3
-# It has not if the next step was rejected down to this fraction of the last one: then f jumps.
+# A run has not blown up if its next step was reduced to this fraction of the last one: then f
+# jumps.
 _WALL = 1e-8
 # Distances at which f is evaluated, in lengths of the last step: positive along the last change of
 # y, negative against it.
 _DISTANCES_AHEAD = (0.0, 1.0, 10.0, 100.0, 1000.0, -1.0, -10.0, -100.0, -1000.0)
-# f jumps if it changes there by more than this fraction of its size, since steps are short.
+# f jumps if it changes over these distances by more than this fraction of its size, since steps are
+# short.
 _JUMP = 0.1
-# Shares of the way ahead at which f is evaluated where no first step succeeds.
+# If no first step succeeds, f is evaluated at these fractions of the predicted motion.
 _SHARES = 10.0 ** np.arange(-1, -16, -2)
 _JUMPS = (
     "the right-hand side jumps, or stops being finite, wherever the solution goes on (it may slide "
@@ -221,36 +224,40 @@ def leaves_domain(system, t, y, move):
 
 # Fraction of the tolerance that one step may err by.
 STEP_FRACTION = 0.1
-# Fraction of that for the modes, whose errors add up along undamped orbits. With 1e-2, D^0.5 y = 10
-# (y1 - y2, y1 + y2) errs by 23 tolerances after 3,180 periods. P1 to P6 need the same time.
+# Fraction of the error of a step for that of the modes, whose errors add up along undamped orbits.
+# With 1e-2, D^0.5 y = 10 (y1 - y2, y1 + y2) errs by 23 tolerances after 3,180 periods. P1 to P6
+# need the same time.
 _MODES_FRACTION = 1e-4
-# Undamped errors of the modes add up to this multiple of their fit's error, for each size of y by
-# which y moves (convergence/undamped.py).
+# Without damping, errors of the modes add up to this multiple of the error of their fit, for each
+# size of y by which y moves (convergence/undamped.py).
 _OF_MODES = 5.0
-# Undamped error that rounding adds in each step.
+# Relative error that rounding adds in each step of an undamped solution.
 _OF_ROUNDING = 1e-15
 # Fraction of rtol that counts relative to the size of a component, where no atol is given.
 OF_SIZE = 0.01
-# Power q of the variable from which errors are estimated too small, for u**q changes only near the
-# end. The tolerance of a first step is then multiplied by this over q.
+# First steps use the variable u with t = u**q. From this q on errors are estimated too small,
+# because u**q changes only near the end. The tolerance of the step is then multiplied by this
+# number over q.
 _RESOLVED = 10.0
-# Least such factor.
+# Least factor by which the tolerance of a first step is multiplied.
 _UNRESOLVED = 5e-3
-# Least rtol of a first step, for rounding (orders 1 + 1e-9 to 1.003, y' at rtol 1e-4 to 1e-10).
+# Least rtol of a first step because of rounding (measured for orders 1 + 1e-9 to 1.003, and y' at
+# rtol 1e-4 to 1e-10).
 _ROUNDING = 5e-14
-# Modes are fitted, and refined each time, for steps this many times shorter than the present one.
+# Modes are fitted for steps this many times shorter than the present one, and so is each
+# refinement.
 _REFINE_BY = 32.0
 # Latest time up to which a run may be resumed, in lengths of the run.
 _REACH = 10.0
-# Largest ratio of the farthest to the closest distance.
+# Largest ratio of the farthest to the closest distance of the modes.
 _LARGEST_RATIO = 1e305
 # Steps of one call of the compiled march.
 _ROWS = 256
-# Closest distance expected, as fraction of the run, for fits before the run begins.
+# Closest distance of fits that are made before the run begins, as a fraction of the run.
 _CLOSE = 1e-6
 
 
-# Steps of one call of the compiled march where an event may cut it short.
+# Most steps of one call of the compiled march if an event may cut it short.
 _FEW_ROWS = 8
 
 
@@ -397,7 +404,7 @@ class AdaptiveStepper(ResumableStepper, TangentStepper, JumpingStepper):
                 self._orbit.record_step(float(self._control["last"]))
             n += self.n_steps - first
             if status == TOO_CLOSE:
-                # the march returned before this step
+                # the march returned before the step that lacks closer modes
                 closest = self._closest(min(self._control["next"], t_stop - self.t))
                 if closest < self._farthest / _LARGEST_RATIO:
                     status = TOO_ROUGH
@@ -506,7 +513,7 @@ class AdaptiveStepper(ResumableStepper, TangentStepper, JumpingStepper):
         self._ending, at_rest = _TOO_STEEP, _FIRST_AT_REST * self.step_limits.longest[1]
         self._set_origin(t)
         for h, variable in trials(self._marched, form, orbit, *how):
-            # no tiny remainder is left before the stop
+            # the last two steps are equal, so that no tiny step remains before the stop
             h = min(h, 0.5 * left) if h < left else h
             steps, values = self._try_step(h, variable, t_stop)
             if values is not None and h > at_rest and _rests(values[0]):
@@ -516,7 +523,7 @@ class AdaptiveStepper(ResumableStepper, TangentStepper, JumpingStepper):
                 self._ending = None
                 self._finish_singular_start(h, variable, values, t_stop)
                 return FirstPiece(variable, t, h, steps.p[0], *steps.at_starts[0])
-            # Newton's method asks for a quarter
+            # when Newton's method fails, the next step is a quarter of the last
             self._ending = _UNSOLVED if self._control["next"] == 0.25 * h else _TOO_STEEP
         speed = np.where(form.second == 1, orbit.p[0], self._marched.force(t, orbit.x[0]))
         if leaves_domain(self._marched, t, orbit.x[0], left * speed):

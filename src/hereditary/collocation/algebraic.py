@@ -12,15 +12,16 @@ from ..stepping.status import SolveWarning
 from ..support.checks import refuse
 from ..support.warning import warn
 
-# Iterations of Newton's method for consistent values.
+# Most iterations of Newton's method for consistent initial values.
 _SWEEPS = 50
-# Relative change of the unknowns that ends them.
+# Relative change of the unknowns at which these iterations end.
 _GOAL = 1e-13
-# Rank of the Jacobian, relative to the largest entry of each row: differences err by 1e-10.
+# Least pivot of a regular Jacobian, relative to the largest entry of each row: differences err by
+# 1e-10.
 _RANK = 1e-9
 # Relative distance from y(0) at which a singular Jacobian is evaluated again.
 _BESIDE = 0.01
-# Coefficients below this fraction of those of other components may stand for 0.
+# Coefficients of a component below this fraction of those of other components count as 0.
 _NEXT_TO_0 = 1e-15
 
 

@@ -28,11 +28,12 @@ from ..support.checks import refuse
 from .operators import FORCE, ITSELF, POSITION, PRIMARY, SLOPE
 from .structures import ALGEBRAIC, TERM
 
-# Smallest order of integration: lesser powers of two step lengths are equal in double precision.
+# Smallest order of integration. Smaller powers of two step lengths are equal in double precision.
 _LEAST = 5e-10
-# Generators closer than this count as one, as do a generator and a sum of others.
+# Generators of exponents whose distance is below this count as one. So do a generator and a sum of
+# others.
 _APART = 1e-9
-# Most generators in a sum that may equal another one.
+# Most generators in a sum that is compared with another generator.
 _MOST_IN_SUM = 4
 
 

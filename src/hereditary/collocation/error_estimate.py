@@ -11,48 +11,52 @@ from .newton import forces, nodal_slopes, residuals, solve_newton
 from .operators import FORCE, POSITION, PRIMARY, SLOPE, subtract_from_forces
 from .structures import ALGEBRAIC
 
-# Relative tolerance of tangents is at least this: those that have decayed consist of rounding
-# errors, which grow when tangents are normalised.
+# Least relative tolerance of tangents. Tangents that have decayed consist of rounding errors, which
+# grow when tangents are normalised.
 _TANGENT = 1e-9
 # Least size of a derivative by a parameter p, as fraction of y / p: differences of f have errors
 # of 1e-10 of f / p, which may be larger than a small derivative's tolerance.
 _OF_QUOTIENT = 0.1
-# Rounding error of p, as a fraction of p(0).
+# Rounding error of the unknown p, as a fraction of p(0).
 _ROUNDING = 1e-14
-# Rounding error of sums over a step, as a fraction of y, where p is y'.
+# If the unknown p is y': rounding error of sums over a step, as a fraction of y.
 ROUNDING_OF_SUMS = 1e-15
-# Largest ratio of coefficients that counts where rounding hides both.
+# Largest ratio of consecutive Legendre coefficients that enters the estimate if rounding hides
+# both.
 _HIDDEN = 0.03
-# Fraction of the defect of f between the nodes that enters the error, as it does where f jumps. For
-# a smooth f the integrals are more accurate, and the tail of its polynomial estimates the error.
+# Fraction of the defect of f between the nodes that enters the error, as if f jumped. For a smooth
+# f the integrals are more accurate, and the tail of the polynomial of f estimates the error.
 _DEFECT_WEIGHT = 0.3
-# Rounding error of f as fraction of |J| |y|, including its growth by the polynomial.
+# Rounding error of f, as a fraction of |J| |y|, with its growth by the polynomial.
 _NOISE = 2e-14
 # Defect of f, in units of Newton's goal, from which the equations are checked again.
 _CHECK_BEYOND = 100.0
-# Residual, in the same units, from which this check rejects the step.
+# Residual from which this check rejects the step, in units of Newton's goal.
 _UNSOLVED = 10.0
-# Index of the first check point of a step that does not enter its error.
+# Index of the first check point whose defect does not enter the error of the step.
 FIRST_LOOK = 2
-# Most such points in a run.
+# Most check points of a run that do not enter errors.
 _LOOKS = 256
-# A defect of f at such a point is a miss only above this multiple of that at other check points.
+# A defect of f at such a check point is a miss only above this multiple of the defects at the other
+# check points.
 _UNLIKE = 30.0
-# It is a miss only if it also changes p over the step by more than this, in units of Newton's goal.
-# One tolerance is 1,000 of these.
+# A defect is a miss only if it also changes p over the step by more than this, in units of Newton's
+# goal. One tolerance is 1,000 of these units.
 _MOVED = 1000.0
-# Number of tolerances by which the polynomial may miss the start; stiff systems miss it by
-# rounding.
+# Number of tolerances by which the polynomial may differ from the solution at the start of the
+# step. In stiff systems rounding causes such differences.
 _MISSED = 10.0
-# Largest error of a step, in tolerances of y at its start: y may grow by decades in a first step.
-# Without this limit, orders 0.0158 and 1 - 1e-8 err by 1.8 tolerances at early times.
+# Largest error of a step, in tolerances of y at the start of the step: y may grow by decades in a
+# first step. Without this limit, orders 0.0158 and 1 - 1e-8 err by 1.8 tolerances at early times.
 _AT_START = 5.0
-# Fraction of the largest y of a step that rounding hides.
+# Rounding error of y over a step, as a fraction of the largest |y| of the step.
 _ROUNDING_OF_STEP = 1e-13
-# Fraction of the tolerance of y by size that an error of y' may move y over the run.
+# Change of y over the run that errors of y' may cause, in units of the tolerance of y relative to
+# its size.
 OF_SPEED = 4.0
-# Least size of a component, as fraction of the largest of its quantity. With 1e-5 a component of
-# 1e-8 of the largest errs by 1.1 tolerances instead of 0.02 (six problems in random units).
+# Least size of a component, as a fraction of the largest size of all components of y (or of y').
+# With 1e-5 a component of 1e-8 of the largest errs by 1.1 tolerances instead of 0.02 (six problems
+# in random units).
 SMALL = 1e-6
 
 

@@ -20,20 +20,20 @@ from ..kernels.memory_kernel import NO_ERRORS, ExponentialSum, KernelErrors
 from ..support.checks import complaint
 
 # General kernels are fitted down to this fraction of the closest distance, for a tolerance of 1.
-# Below they are a point mass, whose error is of second order in that distance. Bounded kernels are
-# fitted only from where they change.
+# The part of a kernel at shorter distances is a point mass, whose error is of second order in that
+# distance. Bounded kernels are fitted only from where they change.
 _BELOW = 0.1
-# Least such fraction, for any tolerance.
+# Least fraction of the closest distance down to which general kernels are fitted.
 _LEAST_BELOW = 1e-9
-# Kernels are fitted from this many times closer on; modes that have decayed at the first distance
-# become part of the point mass, because a fit hardly determines their weights.
+# Modes whose rate times the first distance exceeds this have decayed there. They become part of the
+# point mass, because a fit hardly determines their weights.
 _DECAYED = 35.0
-# Power laws with exponents below this are nearly constant, and are fitted to a tolerance of their
-# variation: an oscillation that hardly decays accumulates their errors.
+# Power laws with exponents below this are nearly constant. They are fitted to a tolerance of their
+# variation, because an oscillation that hardly decays accumulates errors of the fit.
 _VARYING = 0.05
-# Least tolerance of such a fit.
+# Least tolerance of the variation of a nearly constant power law.
 _LEAST_TOL = 1e-17
-# Relative error of sums that rounding leaves.
+# Relative rounding error of sums of exponentials.
 _ROUNDING = 2e-14
 
 

@@ -19,16 +19,17 @@ from scipy.special import rgamma
 from .quadrature import check_points_of, legendre_values, radau_nodes, to_legendre
 from .structures import Rule
 
-# Width next to 1 that the graded rule leaves out; kernels are integrated there in closed form.
+# Width next to 1 that the graded rule leaves out. There kernels are integrated in closed form.
 LEFT_OUT = 0.25**26 / 2
 # Powers of u from this one on are as good as integer ones: their Legendre coefficients fall as
 # n**(-2 power - 1).
 _HIGH = 5.3
-# Exponents this close to an integer are integers.
+# Exponents whose distance from an integer is below this count as integers.
 _APART = 1e-9
-# Nodes of the first step.
+# Number of nodes of a first step.
 _NODES = 24
-# Nodes of a first step with c above 0, where solutions of several rates have the same c.
+# Number of nodes of a first step in a variable with c > 0, in which solutions of several rates have
+# the same c.
 _NODES_IF_BENT = 48
 # Least distance at which kernels are evaluated.
 _NEXT_TO_0 = 1e-300

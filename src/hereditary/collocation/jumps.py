@@ -8,11 +8,11 @@ import numpy as np
 
 from .operators import ITSELF, PRIMARY, SLOPE
 
-# Distance at which kernels are evaluated for their value at 0.
+# Distance that stands for 0 where the value of a kernel at 0 is computed.
 _NEXT_TO_0 = 1e-300
-# Iterations of Newton's method.
+# Most iterations of Newton's method behind a jump.
 _SWEEPS = 100
-# Relative change of p that ends them.
+# Relative change of p at which these iterations end.
 _GOAL = 1e-14
 
 

@@ -46,11 +46,11 @@ from .structures import (
     Limits,
 )
 
-# Goal of Newton's method, in tolerances.
+# Largest error of Newton's method, in tolerances.
 _NEWTON = 0.01
-# Error of a small component, as fraction of the largest of its quantity: differences of equal
-# components are rounding of that size. With a tenth of it, runs at rtol 1e-8 take up to three
-# times the steps where such a difference drives others.
+# Least allowed error of a small component, as a fraction of the largest size of all components of y
+# (or of y'): differences of equal components are rounding of that size. With a tenth of it, runs at
+# rtol 1e-8 take up to three times the steps if such a difference drives other components.
 _OF_OTHERS = 3e-15
 
 
@@ -222,13 +222,13 @@ def extrapolate(m, h):
 # the error or for Newton's method, tables of varying orders needed for the next step, right-hand
 # side jumps, no progress.
 REACHED, FULL, TOO_CLOSE, TOO_ROUGH, NEWTON_FAILED, ORDERS_NEEDED, JUMPING, CRAWLING = range(8)
-# Largest factor between step lengths.
+# Largest ratio of a step to the step before.
 _GROW = 3.0
-# Smallest factor between step lengths.
+# Smallest ratio of a step to the step before.
 _SHRINK = 0.2
 # Length of the next step, relative to that at which the error would be the tolerance.
 _SAFETY = 0.8
-# Growth that is always worth new factors of many components.
+# Growth of the step from which on many components are always factorised anew.
 _WORTH = 2.0
 
 
@@ -260,7 +260,8 @@ def take_steps(march):
             stages.control[LENGTH] = 0.0
         assembled_for = h
         ratio, solved, by_defect = attempt(march, t, h, slot)
-        # an error that would allow more than the largest factor says nothing of longer steps
+        # an error that allows more than the largest growth does not show whether still longer steps
+        # succeed
         idle = ratio < (_SAFETY / _GROW) ** (s + lowest)
         longest = floor_to_grid(limits.longest_idle if idle else limits.longest)
         planned = next_length(h, control.next, ratio, was_refused, s + lowest)

@@ -17,18 +17,21 @@ from .structures import ModeWeights, StepTables
 
 # Step lengths are 2**(n / _PER_OCTAVE), rounded up.
 _PER_OCTAVE = 8
-# They are multiples of their power of two over this, so that sums of them are exact. Rounding
-# errors of equal steps would accumulate to a drift of time.
+# Step lengths are multiples of their power of two over this number, so that sums of them are exact.
+# Otherwise rounding errors of equal steps accumulate to a drift of time.
 _DIGITS = 2.0**12
-# Slots of the tables; lengths whose ratio is a power of 2**(SLOTS / _PER_OCTAVE) share one.
+# Number of slots of the tables. Lengths whose ratio is a power of 2**(SLOTS / _PER_OCTAVE) share a
+# slot.
 SLOTS = 64
-# Tables that are kept; each holds up to 64 lengths of steps, some hundred kB.
+# Number of bases whose tables are kept. Each has the tables of up to 64 step lengths, which take
+# some hundred kB.
 _MOST = 8
-# Arguments of exp(-z) from which it is taken for 0.
+# exp(-z) is set to 0 from this z on.
 _UNDERFLOW = 700.0
 # Arguments below which Bessel functions are 1 - x, x / 3 and 0 in rounding.
 _SMALL = 1e-8
-# First value of their downward recurrence, which is accurate for arguments from 1e-8 on.
+# First value of the downward recurrence of Bessel functions, which is accurate for arguments from
+# 1e-8 on.
 _SEED = 1e-200 + 0j
 
 

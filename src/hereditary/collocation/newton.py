@@ -17,24 +17,25 @@ from .operators import FORCE, POSITION, PRIMARY
 from .stages import stage_matrix, substitute_scaled
 from .structures import ALGEBRAIC, KEPT, LENGTH, REDUCED
 
-# Most Newton iterations of a step, which is then rejected.
+# Most Newton iterations of a step. A step that needs more is rejected.
 _SWEEPS = 12
-# Contraction from which a Jacobian of an earlier step is not kept.
+# Contraction rate of Newton's method from which on the Jacobian of an earlier step is not kept.
 _SLOW = 0.05
-# Iteration, counted from 0, from which each node of few components has a separate Jacobian.
+# Number of the Newton iteration, from 0, at which systems of few components get a separate Jacobian
+# for each node.
 _EACH = 5
-# Times that a change, or the change from p at the start to the first guess, is halved at nodes
-# where it leads out of the domain of f, before these nodes go back to where they were.
+# Number of halvings of a Newton change, or of the first guess, at nodes where it leaves the domain
+# of f. After that the values at these nodes return to those before the change.
 _HALVED = 4
-# Iterations for a tangent of many components.
+# Most iterations for a tangent of many components.
 _TANGENT_SWEEPS = 30
-# Relative change that ends them.
+# Relative change of a tangent at which these iterations end.
 _TANGENT_GOAL = 1e-11
 # Relative change of p by rounding.
 _ROUNDING = 1e-14
 # Absolute change of p by rounding.
 _LEAST = 1e-202
-# Change of p, as fraction of the largest one, that is left where sizes are not known yet.
+# Allowed change of p in components whose size is still unknown, as a fraction of the largest p.
 _OF_LARGEST = 1e-10
 
 
@@ -271,7 +272,8 @@ def contraction_rate(size, previous, h, contraction):
         contraction.change = max(previous, 0.1 * contraction.change)
         contraction.length = h
         return rate
-    # from earlier steps: slower for a worse guess and for a longer step
+    # the first change has no predecessor: its rate is that of earlier steps, corrected upwards for
+    # a worse guess and for a longer step
     rate = contraction.rate * max(1.0, size / contraction.change)
     return rate * max(1.0, h / contraction.length) ** 2
 

@@ -7,9 +7,9 @@ from ..support.checks import count, left_out, positive, real_array, refuse, show
 from .adaptive_stepper import MAX_STEPS, AdaptiveStepper, Tolerance
 from .algebraic import check_start
 
-# Below this the rounding of double precision, not the scheme, decides.
+# Least tolerance: below it the rounding of double precision decides, and not the scheme.
 TOLERANCE_FLOOR = 1e-12
-# Time to the highest order, if that is above 1, must stay below this.
+# Largest power of the end time, with the highest order above 1 as exponent.
 _FARTHEST = 1e300
 
 

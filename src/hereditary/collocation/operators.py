@@ -11,7 +11,7 @@ FORCE = 0  # f
 PRIMARY = 1  # p
 POSITION = 2  # y
 SLOPE = 3  # p', where needed
-# Index of a term that is no convolution: the integrand itself.
+# Index of a term that is not a convolution: it is the integrand itself.
 ITSELF = -1
 
 

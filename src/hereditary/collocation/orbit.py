@@ -241,7 +241,8 @@ class OrbitAndTangents:
         n = self.power_laws.rates.size
         damped = self.bank.real_modes(damping(self.bank.rates, distances).conj(), axis=0)
         base += self.modes[..., n:] @ damped[n:]
-        # the last step by quadrature, for it is closer than the modes hold; all before it by modes
+        # memory of the last step by quadrature, because the step is closer than the modes hold;
+        # memory of all earlier steps by modes
         base += self.before[..., :n] @ damping(self.power_laws.rates, self.last_length + distances)
         _, v, weights = graded_rule()
         log_u, integrands = log_distances - np.log(self.last_length), self._integrands()

@@ -12,11 +12,12 @@ from .quadrature import legendre_values, through_start, to_legendre
 
 # Least time at which slopes are evaluated.
 _NEXT_TO_0 = 1e-200
-# Times from which slopes are extrapolated to 0, as fractions of the step.
+# Slopes at 0 are extrapolated from slopes at these times, as fractions of the step.
 _TOWARDS_0 = (1e-4, 1e-2)
-# A slope that grows by more than this factor between them is infinite at 0.
+# A slope is infinite at 0 if it grows by more than this factor between these two times.
 _GROWS = 1.02
-# Rounding error of a slope, as a fraction of the values over the step: such growth must exceed it.
+# Rounding error of a slope, as a fraction of the values over the step. Slopes below it do not count
+# as growing.
 _ROUNDED = 1e-10
 
 

@@ -8,9 +8,11 @@ from scipy.special import rgamma, roots_jacobi
 
 from .structures import Rule
 
-# Number of orders between which integrals, entire functions of the order, are interpolated.
+# Number of orders at which integrals are computed. They are entire functions of the order, and are
+# interpolated between these orders.
 _N_ORDERS = 24
-# Place of looks in equal parts of a step: irrational, so that they coincide with no period.
+# Position of a check point in each of s equal parts of a step. It is irrational, so that check
+# points coincide with no period.
 _LOOK = (5**0.5 - 1) / 2
 
 
@@ -131,7 +133,8 @@ def check_points_of(s):
     The first two count for the error of every step, the others for that of none.
     """
     ends = np.concatenate([[0.0], radau_nodes(s)])
-    # of all middles between nodes this one sees most often that a solution slides along a jump
+    # of all midpoints between nodes the last one shows most often that a solution slides along a
+    # jump
     return np.concatenate([[0.0, ends[s - 2 : s].mean()], (np.arange(s) + _LOOK) / s])
 
 

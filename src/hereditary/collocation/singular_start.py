@@ -9,17 +9,18 @@ from .first_rule import Variable
 from .operators import FORCE
 from .stage_solver import has_stages
 
-# Factor of the length after a refused step.
+# Factor by which a refused step is shortened.
 _SHORTER = 0.25
-# A generator below this is tiny: no step is so short that its power is small.
+# Exponent below which a generator is tiny: in no step its power of t is small.
 _TINY = 0.12
-# Trials of long steps, in a variable that is bent for the rate, before all others.
+# Number of long steps that are tried first, in a variable that is bent for the decay rate.
 _BENT_TRIALS = 12
-# Exponent below which a power hardly changes from 1e-300 on.
+# Exponent of a power of t that hardly changes from t = 1e-300 on.
 _VANISHING = 1e-3
-# Longest step in lengths of the one before: a singularity as close has to be resolved.
+# Longest step, in lengths of the step before: its start resolved a singularity, which is as close
+# now.
 _OF_LAST = 100.0
-# Size that counts of a component at rest among many, as fraction of the largest.
+# Size of a component at rest, as a fraction of the largest size of all components.
 _OF_LARGEST = 0.01
 
 
@@ -48,7 +49,7 @@ def trials(system, form, orbit, t, left, longest, least, counts, units):
         if c >= 0.5:
             yield h, Variable.of(form.generators, 2.0 ** round(math.log2(c)))
     rate, order = _rate(system, form, orbit, jacobian, just_after), _order(form)
-    # over it the solution changes by about half of itself
+    # over the first step the solution changes by about half of its size
     first = most if rate * most**order < 0.5 else (0.5 / rate) ** (1 / order)
     # a power of a next to vanishing exponent is nearly constant beside others
     others = tuple(g for g in form.generators if g >= _VANISHING)

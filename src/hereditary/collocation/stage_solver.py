@@ -21,7 +21,8 @@ from .stages import (
 )
 from .structures import N_CONTROL, STAGES_SIG, Stages
 
-# Steps of one length with a dense Jacobian before a longer one is worth new factors.
+# With a dense Jacobian, number of steps of one length after which factors are computed for a longer
+# step.
 _HOLD = 1
 
 

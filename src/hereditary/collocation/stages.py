@@ -59,7 +59,7 @@ def diagonalise_stages(stage):
     values, imaginary, vectors = np.empty(s), np.empty(s), np.empty((s, s))
     if not eigenvectors(stage.lapack_values, both, values, imaginary, vectors):
         return False
-    # a pair of vectors v +- i w is held as v and w, so that this inverse is real as well
+    # a pair of eigenvectors v +- i w is stored as v and w, so that the inverse is real as well
     if not set_inverse(vectors, both):
         return False
     transpose(both)
@@ -119,8 +119,8 @@ def eigenvectors(lapack, matrix, values, imaginary, vectors):
         for k in range(s):
             if not abs(matrix[i, k]) < np.inf:
                 return False
-    # the columns of a square, and room; sizes, what LAPACK returns, and two letters: both arrays
-    # are alive until LAPACK returns
+    # the columns of a square matrix, and workspace; sizes, LAPACK's status, and two letters: both
+    # arrays exist until LAPACK returns
     room, numbers = np.empty((s + 8, s)), np.empty(5, dtype=np.int32)
     for i in range(s):
         for k in range(s):

@@ -43,9 +43,11 @@ CONTROL = np.dtype([(name, "f8") for name in _TIMES], align=True)
 COUNTS = np.dtype(
     [("rhs", "i8"), ("accepted", "i8"), ("refused", "i8"), ("by_defect", "i8")], align=True
 )
-# Contraction of Newton's method: its rate, the change of p it was observed at, and the step length.
+# Contraction of Newton's method: its rate, the change of p at which it was observed, and the step
+# length there.
 CONTRACTION = np.dtype([("rate", "f8"), ("change", "f8"), ("length", "f8")], align=True)
-# Start, since the origin, and length of the step that tables hold for, and of the step requested.
+# Start time since the origin, and length, of the step that the tables are computed for, and of the
+# step that is requested.
 TABULATED = np.dtype(
     [("start", "f8"), ("length", "f8"), ("next_start", "f8"), ("next_length", "f8")], align=True
 )
@@ -56,7 +58,8 @@ Tabulated: TypeAlias = Annotated[np.void, from_dtype(TABULATED)]
 IntegerMatrix: TypeAlias = Annotated[np.ndarray, types.Array(I8, 2, "C")]
 Records: TypeAlias = Annotated[np.ndarray, types.Array(from_dtype(TERM), 1, "C")]
 
-# Mark of a component whose row is 0 = f, among those whose p follows from a balance.
+# Mark of a component whose row is 0 = f, among the marks of components whose p follows from a
+# balance.
 ALGEBRAIC = 2
 
 
@@ -409,7 +412,7 @@ class AdaptiveMarch(NamedTuple):
 ADAPTIVE_MARCH = Reference(compiled_type(AdaptiveMarch))
 
 
-# Fields of the room with a number for each component.
+# Fields of the workspace with one number for each component.
 _BY_COMPONENT = (
     "point", "force", "goal", "errors", "defect", "hidden", "sizes", "sizes_before", "units",
     "force_scales", "starts", "start_scales",

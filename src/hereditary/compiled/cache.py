@@ -13,7 +13,8 @@ import numba
 
 from .numba_internals import CHOSEN_PROCESSOR, STORED, Entries, Shipped, processor
 
-# Machine code that came with the package, and in this file of its folder what it is made for.
+# Folder of the machine code that came with the package, and the file in it that says what the code
+# is made for.
 SHIPPED = Path(__file__).parent.parent / "machine_code"
 _MADE_FOR = "made_for.json"
 

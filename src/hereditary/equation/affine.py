@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike
 
 from ..compiled.jit import JAC_SIG, RHS_SIG, as_value, compiled, derived, inner
 
-# Numbers behind the matrices.
+# Number of sizes behind the matrices among the parameters.
 _SIZES = 5
 
 

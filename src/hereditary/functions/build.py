@@ -31,11 +31,12 @@ from .python_calls import warn_of_python
 from .reads import code_names, fresh, frozen_values, uncompiled
 
 _READ_ONLY = types.Array(F8, 1, "C", readonly=True)
-# Through these numba returns y as a writable array.
+# Functions of NumPy through which numba returns y as a writable array.
 _PAST_READ_ONLY = {"flat", "nditer", "ascontiguousarray", "asfortranarray", "fill_diagonal", "dot"}
-# Number of functions that are kept compiled.
+# Most functions that are kept compiled.
 _KEPT_MAX = 256
-# Number of versions, by frozen values alone, of which the user is warned: numba frees none.
+# Number of compiled versions of one function, with other frozen values, from which on the user is
+# warned: numba frees none.
 _VERSIONS_MAX = 50
 # ``fill(t, z, out, params)``, which calls a user's function with y and memory in z.
 Fill: TypeAlias = Callable[..., None]
@@ -189,7 +190,7 @@ def _build(
     # the functions are called from compiled code alone: a wrapper for others takes 1 MB each
     inside = {"boundscheck": True, **without("cpython")}
     inner: dict[str, Any] = {"nogil": True, **without("cfunc"), **inside}
-    # scenes of the package always read the same entries, which the call at t = 0 has checked
+    # scenes of the package always read the same entries, and the call at t = 0 has checked these
     inner["boundscheck"] = not str(plain.__module__).startswith("hereditary.")
     if not is_jitted(fun):
         inner["error_model"] = "numpy"
@@ -326,7 +327,7 @@ def locked(array: np.ndarray) -> np.ndarray:
     return view
 
 
-# Longest list that is not made an array first.
+# Longest list that is read entry by entry; a longer one is made an array first.
 _FEW_ENTRIES = 6
 _RESHAPED = "the function returned another shape than at the start"
 
@@ -389,7 +390,7 @@ def try_out(
     hint: Callable[[], str],
 ) -> tuple[np.ndarray, str]:
     """Call `fun` twice in Python at the start, check its values and return them and their form."""
-    # other values at first in place show entries that are not set
+    # an output array with other values at first shows entries that the function does not set
     (values, form), (again, _) = (
         _values(name, out, fun, arity, start, shape, hint, unset) for unset in (np.nan, 0.5)
     )

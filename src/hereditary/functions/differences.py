@@ -8,25 +8,28 @@ import numpy as np
 from ..compiled.jacobian import FEW, LEAST, VALUES, extend, jacobian_at, right_side
 from ..support.checks import complaint
 
-# Steps of the two differences, in units of the size of a component.
+# Steps of two difference quotients that are compared, in units of the size of a component.
 _STEPS = 1e-4, 1e-5
-# Relative deviation of an entry of a dense Jacobian that rounding and truncation cannot explain.
+# Relative difference of an entry of a dense Jacobian from difference quotients that rounding and
+# truncation do not explain.
 _OF_ENTRY = 1e-3
-# The same for a product of given entries with a direction.
+# Relative difference, unexplained likewise, of a product of the given sparse entries with a
+# direction.
 _OF_GIVEN = 1e-6
-# The same for a product of entries by differences with a direction.
+# Relative difference, unexplained likewise, of a product of sparse entries by differences with a
+# direction.
 _OF_DIFFERENCES = 1e-9
-# Fraction of the largest component below which a component is next to 0.
+# A component below this fraction of the largest one counts as next to 0.
 _SMALL = 1e-3
-# Times at which a force that is 0 at first may have set in.
+# Times at which a force that is 0 at the start is evaluated, because it may have set in.
 _LATER = (1e-3, 1e-2, 0.1, 1.0, 10.0)
-# First trial of a step, as fraction of f.
+# First step that is tried for a component next to 0, as a fraction of f.
 _FIRST_STEP = 1e-3
-# Ratio of two trials.
+# Ratio of two consecutive steps that are tried.
 _APART = 1024.0
-# Most trials.
+# Most steps that are tried.
 _MOST_TRIALS = 12
-# Change of f that exceeds its rounding, as a fraction of f.
+# Relative change of f that exceeds rounding for certain.
 _CLEAR = 1e-5
 
 

@@ -22,9 +22,9 @@ from ..compiled.jit import RHS_SIG, as_value, compiled, derived
 from ..support.warning import warn
 from .messages import code_of
 
-# Numbers behind the parameters of an equation whose functions are called in Python.
+# Number of addresses behind the parameters of an equation whose functions are called in Python.
 N_ADDRESSES = 2
-# Views of memory that one function keeps, by their addresses; marches use few.
+# Most views of storage, by address, that one function keeps; a march uses few.
 _VIEWS = 256
 # Seconds for which a function is timed.
 _TIMED = 1e-3

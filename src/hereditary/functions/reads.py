@@ -24,7 +24,7 @@ from numba.extending import is_jitted
 
 from ..compiled.numba_internals import options_of, stated_options
 
-# Where packages are installed; what they hold is not the user's.
+# Folders of installed packages, whose files do not belong to the user.
 _INSTALLED = tuple({sysconfig.get_path(name) for name in ("purelib", "platlib", "stdlib")})
 # Packages whose contents are represented by their names.
 _FOREIGN = frozenset({"numpy", "scipy", "numba", *sys.stdlib_module_names})

@@ -3,7 +3,7 @@
 from ..compiled.jit import I8, IVEC, MAT, VEC, entry, inner
 from .signatures import MARCH_MEMORY
 
-# Ratio of neighbouring steps from which no parabola tells the slope.
+# Ratio of two consecutive steps from which on no parabola through them determines the slope.
 _STEEP = 8.0
 # Statuses of a march.
 RUNNING = 0  # no trouble so far

@@ -12,16 +12,16 @@ from functools import cached_property
 import numpy as np
 from scipy.special import rgamma
 
-# Time at which the slope at 0 is evaluated.
+# Time that stands for 0 where the slope at 0 is evaluated.
 _NEXT_TO_0 = 1e-200
-# Size from which this slope is infinite.
+# A slope at 0 whose size exceeds this counts as infinite.
 _STEEP = 1e12
 
 
 def starting_steps(stepper):
     """Return `FirstSteps` of a stepper that made at most one step; otherwise None."""
     system = stepper.system
-    # Riemann-Liouville terms begin with lower ones, which the values of the first steps miss
+    # Riemann-Liouville terms start with lower powers of t, which the interpolation below lacks
     if stepper.n > 1 or not system.constant or any(op.from_zero for op, _ in system.left):
         return None
     return FirstSteps(system, stepper.steps.times(np.array([1.0, 2.0])))

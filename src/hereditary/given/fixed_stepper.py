@@ -49,14 +49,14 @@ from .steps import before_break, break_steps, rows_beside
 BLOCK = 32
 # Relative rounding of y.
 _ROUNDED = 1e-13
-# Seconds that one call of the compiled march lasts, between two checks for Ctrl-C and the progress
-# bar. Entering the march costs 0.04 ms.
+# Seconds that one call of the compiled march takes. Between calls Ctrl-C is checked and the
+# progress bar drawn. Entering the march takes 0.04 ms.
 _SECONDS = 0.1
-# Most numbers in the rows of the steps of a call, which then remain in a near cache.
+# Most numbers in the rows of one call, so that they remain in a near cache.
 _NUMBERS = 1 << 15
-# A call may compute so many steps whatever their numbers.
+# Steps that one call may compute whatever the number of their rows.
 _LEAST = 32
-# Steps made at once where an event may cut them short.
+# Most steps of one call if an event may cut it short.
 _SHORT = 256
 
 

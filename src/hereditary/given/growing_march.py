@@ -17,9 +17,9 @@ from ..compiled.schedule import SCHEDULE, due, note
 from .block import RUNNING
 from .signatures import GIVEN_MARCH, MARCH_SIG, MARCH_STATE, MEMORY
 
-# The end of a march, besides those of given/block.py, whose tangents overflowed or vanished.
+# Status of a march whose tangents overflowed or vanished; given/block.py has the other statuses.
 LOST = 3
-# Steps after which a march reads no data but the lasting ones.
+# Number of steps that read data of the start alone. Later steps read only lasting data.
 _FIRST_STEPS = 8
 
 

@@ -5,12 +5,13 @@ import numpy as np
 from ..compiled.jacobian import FEW, VALUES
 from .stability import longest_step
 
-# Components beyond which dense Jacobians would take longer than the march, and more memory.
+# Most components whose Jacobian is watched. Beyond, dense Jacobians would take longer than the
+# march, and more storage.
 _MOST = 2000
-# Fraction of the longest stable step that a message names, so that two digits of it are below the
-# limit.
+# Fraction of the longest stable step that a message states, so that the step, rounded to two
+# digits, is stable.
 _BELOW = 0.9
-# Shortest step that a message names, as a fraction of the run's step.
+# Shortest step that a message states, as a fraction of the step of the run.
 _LEAST = 1e-6
 
 
@@ -94,7 +95,7 @@ def remedy_of(system, scheme, h, watch, zigzag, growth):
         return seen + smaller
     if watch.largest > 1:
         step = longest_step(scheme, system, h, watch.largest)
-        # others come from orbits that blow up, or would take days
+        # shorter steps come from orbits that blow up, or would take days
         smaller += f", h = {_BELOW * step:.2g} would do" if step > _LEAST * h else ""
     implicit = "BDF(2)" if system.constant else "L1()"
     if system.n_solved > FEW and system.structure is None:

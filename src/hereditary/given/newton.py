@@ -19,36 +19,38 @@ from ..compiled.linalg import solve_in_place
 from ..compiled.signatures import FACTORISE, SUBSTITUTE
 from .step import look
 
-# Iterations before a step is given up.
+# Most Newton iterations of a step.
 _MOST = 38
-# Times that a change, or the first guess of w, is halved where it leads out of the domain of f.
+# Number of halvings of a Newton change, or of the first guess of w, that leaves the domain of f.
 _HALVED = 8
-# Contraction from which a Jacobian is renewed.
+# Contraction rate of Newton's method from which on the Jacobian is renewed.
 _SLOW = 0.1
-# Contraction from which a Jacobian of an earlier step is renewed, where renewing is cheap.
+# Contraction rate from which on the Jacobian of an earlier step is renewed, if that is cheap.
 _SLOW_OF_EARLIER = 1e-3
-# Steps with a new Jacobian each, after one of an earlier step was slow, where renewing is cheap.
+# If Jacobians are cheap: number of steps that each get a new one, after the Jacobian of an earlier
+# step was slow.
 _RENEWED = 16
-# Fraction of the allowed error with a Jacobian of an earlier step. The error of Newton's method is
-# far below its estimate with a new Jacobian. With an earlier one it equals the estimate, with equal
-# sign in every step. Orders above 1 sum it twice, and stiff equations mistake it for f.
+# Fraction of the allowed error that is allowed with the Jacobian of an earlier step. With a new
+# Jacobian the error of Newton's method is far below its estimate. With an earlier one it equals the
+# estimate, with the same sign in every step. Schemes of orders above 1 sum it twice, and stiff
+# equations amplify it.
 _OF_EARLIER = 1e-6
-# Factors solve a linear step at once if they contract to this rate.
+# Contraction rate up to which factors solve a linear step by one iteration.
 _AT_ONCE = 1e-8
-# They do not if a residual grew by this factor, as it does by a nearly singular matrix.
+# They do not if a residual grew by this factor, because the matrix is nearly singular.
 _MOST_GROWN = 1e6
-# Allowed error of the increment, as a fraction of it. A step is solved when the estimated error is
-# below the sum of this one and the next two.
+# Allowed error of the increment, as a fraction of the increment. A step is solved when the
+# estimated error is below the sum of _TOLERANCE, _ROUNDING and _UNDERFLOW in their units.
 _TOLERANCE = 1e-13
 # Allowed error by rounding of the solution, as a fraction of the solution.
 _ROUNDING = 2e-16
-# Allowed error below what floats can resolve.
+# Allowed error near the smallest floats, in units of y.
 _UNDERFLOW = 1e-300
-# A residual below this fraction of its summands is rounding.
+# A residual below this fraction of its largest summand is rounding.
 _RESIDUAL = 4e-15
-# Such residuals are sought only where a change is below this fraction of the solution.
+# Residuals are compared with rounding only if a change is below this fraction of the solution.
 _SMALL = 1e-3
-# They are sought only where the ratio of successive changes is above this.
+# Residuals are compared with rounding only if the ratio of successive changes exceeds this.
 _STALLED = 0.5
 
 
@@ -265,8 +267,8 @@ def guess(m, p, ratio):
         w[c] = lead[c] * force[c] - known[c] if integral == 1 else ratio * pieces[c, p]
 
 
-# Share of a step after its begin at which the explicit part is taken: beyond rounding of times, so
-# that a jump at a break is behind it.
+# Fraction of the step after its start at which the explicit part is evaluated. It exceeds rounding
+# of times, so that a jump at a break lies before it.
 _ASIDE = 1e-9
 
 

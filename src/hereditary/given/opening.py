@@ -10,9 +10,9 @@ from .history.exponentials import SumOfExponentials
 from .members import MemberStepper
 from .steps import COUNTED, MeshSteps, UniformSteps, mesh_steps, steps_in
 
-# Least decimal logarithm of the power of the step that schemes may have to divide by.
+# Least decimal logarithm of h**order, which schemes divide by.
 _LEAST = -290.0
-# Largest such logarithm.
+# Largest decimal logarithm of h**order.
 _MOST = 290.0
 
 

@@ -6,7 +6,7 @@ from scipy.special import rgamma
 
 from ..compiled.jit import compiled
 
-# Coefficients of 1/Gamma(1 + p) in 2 p - 1, 0 <= p <= 1, right to 3e-15 with this degree.
+# Degree of the polynomial in 2 p - 1 for 1/Gamma(1 + p), 0 <= p <= 1, with an error of 3e-15.
 _DEGREE = 18
 _SERIES = Chebyshev(Chebyshev.interpolate(lambda p: rgamma(p + 1), _DEGREE, (0, 1)).coef)
 _OF_GAMMA = _SERIES.convert(kind=Polynomial).coef

@@ -23,7 +23,7 @@ def with_initial_values(plan, system, order):
     rows, d = plan.rows, system.d
     theta = float(rows.theta[-1])
     n_first = 1 if theta == 0 else ceil(order)
-    # a first step that is given cannot be corrected
+    # a first step whose value is given cannot be corrected
     first = np.zeros(d, dtype=int) if plan.given is None else plan.given
     corrections = np.zeros((n_first + 1, d))
     amplitudes, powers = [], []

@@ -24,15 +24,17 @@ from .riemann_liouville import first_samples
 from .signatures import StepRows
 from .watch import SLOWEST
 
-# Steps so many times longer or shorter than the one before have a corner between them, or begin at
-# a singular point: lines, for a parabola would lean on the other.
+# A step that is this many times longer or shorter than the step before follows a corner, or starts
+# at a singular point. It is interpolated by a line, because a parabola would depend on the step
+# before.
 _STEEPEST = 30.0
-# Steps at which orders are looked at before a run.
+# Number of steps at which varying orders are evaluated before a run.
 _LOOKED_AT = 1001
-# Steps whose coefficients are computed together. Each batch starts at a multiple of this number, so
-# that a resumed run computes them in the same arrays.
+# Number of steps whose coefficients are computed together. Each batch starts at a multiple of this
+# number, so that a resumed run computes the same arrays.
 ROWS_AT_ONCE = 16384
-# Steps that are worked out together at the end of a run, more than NumPy treats at once.
+# The last batch of a run has a multiple of this number of steps, which exceeds what NumPy computes
+# at once.
 _GROUP = 64
 
 
@@ -52,7 +54,7 @@ def moments(low, width, p, bent=True):
         return m_0, 0.0
     middle, m_1 = low + 0.5 * width, 0.0
     for node, weight in zip(*gauss_unit(16), strict=True):
-        # less its value in the middle, whose moment is 0: what is left cancels nowhere
+        # the integrand minus its value in the middle, whose first moment is 0: so nothing cancels
         bend = np.expm1((p - 1.0) * np.log1p((node - 0.5) * width / middle))
         m_1 = m_1 + weight * (0.5 - node) * bend
     m_1 = p * width * width * middle ** (p - 1.0) * m_1

@@ -15,8 +15,8 @@ from ..compiled.linalg import eigenvalues
 # lets every weakly damped oscillation grow a little, at any step: an error, but no instability.
 _GROWTH = 1.1
 _N_ANGLES = 512
-# Components up to which eigenvalues of all Jacobians are found. Beyond it norms are compared first,
-# and eigenvalues are those of the largest Jacobian.
+# Most components for which eigenvalues of all Jacobians are computed. With more, norms are compared
+# first, and eigenvalues are those of the Jacobian with the largest norm.
 TOGETHER = 32
 
 

@@ -50,13 +50,13 @@ def graded(n: int, exponent: float) -> Graded:
     return Graded(count("n", n), positive("exponent", exponent))
 
 
-# Runs on a mesh can be resumed up to this many times their length.
+# A run on a mesh can be resumed up to this multiple of its length.
 _FAR = 10.0
-# Steps of a run, and floats, are whole numbers up to here.
+# Most steps of a run: up to here floats are exact whole numbers.
 COUNTED = 2**53
-# Breaks may miss their steps by so much of a step.
+# Largest distance of a break from the end of a step, as a fraction of the step.
 _OFF = 1e-6
-# A step next to a jump sees it from this far aside, relative to its time.
+# Relative distance in time from a jump at which the steps beside it evaluate f.
 _ASIDE = 8 * np.finfo(float).eps
 
 

@@ -10,13 +10,15 @@ from ..compiled.jit import inner
 # before. A resolved oscillation never alternates twice in a row; at 0.99 of the step limit the
 # undamped classical oscillator alternates for 16 steps, and every damped one shrinks.
 ZIGZAG_WINDOW = 64
-# An alternation that keeps at least this fraction over a batch is sustained.
+# An alternation is sustained if its amplitude keeps at least this fraction from one batch to the
+# next.
 ZIGZAG_KEPT = 0.98
 # An alternation below this fraction of the solution is rounding.
 ZIGZAG_FLOOR = 1e-9
 # Increments below this are hardly floats, and count as rounding too.
 SMALLEST_CHANGE = 1e-300
-# Steps in which a large alternation is sustained: it needs fewer steps to spoil the solution.
+# Number of steps after which a large alternation is sustained: it needs fewer steps to spoil the
+# solution.
 SHORT_WINDOW = 16
 # Least ratio of the smallest to the largest increment in these steps. At 0.999 of its limit,
 # increments of the undamped oscillator still differ by a tenth.
@@ -26,13 +28,14 @@ LARGE = 0.05
 # Growth of changes at turns that is an instability, from one turn to the next within QUICK steps.
 # At 0.99 of its limit changes of the undamped oscillator grow and shrink by ten.
 GROWN = 30.0
-# The same for turns that take longer. Beats grow with their number at most.
+# Growth of changes at turns that is an instability if turns take longer. The growth of beats is at
+# most their number.
 LONG_GROWN = 1e3
-# Steps between two turns that are quick.
+# Most steps between two turns that count as quick.
 QUICK = 3.0
-# Most growth that one turn counts for, so that a force that jumps is no growth.
+# Largest growth that counts at one turn, so that a jump of the force is no growth.
 FASTEST = 3.2
-# Steps between turns that a scheme of first order does not resolve: up to 22 for both.
+# Most steps between two turns that a scheme of first order does not resolve: a period has up to 22.
 SLOWEST = 11.0
 
 

@@ -13,7 +13,7 @@ from ..stepping.stepper import Stepper
 from ..stepping.times import together
 from ..support.checks import complaint, real, refuse, shown
 
-# A value that has a sign, and no size.
+# Stands for an event function whose sign is known and whose value is not.
 TINY = 5e-324
 # Points of each step of `Collocation`, besides its end, at which functions are evaluated. Of sin 5t
 # next to D^0.5 y = -y, rtol 1e-4, 8 points find 159 of 159 zeros in 96 ms, and 1 finds 37 in 34 ms.

@@ -13,9 +13,9 @@ from ..support.checks import complaint
 from ..support.machine import machine_storage
 from .events import Events
 
-# Rows that there is room for at first where steps are chosen on the way.
+# Number of rows for which there is storage at first if steps are chosen on the way.
 _SOME = 512
-# Rows asked for may miss the end of a step by rounding.
+# Relative distance, by rounding, of a requested time from the end of a step.
 _SLACK = 8 * np.finfo(float).eps
 
 

@@ -19,7 +19,7 @@ from .output import Output
 from .progress import Interruption, ProgressBar
 from .solution import Solution, warn_of
 
-# Bytes of a history that a solution may hold on to besides its state.
+# Most bytes of a history for which a solution keeps the stepper, and makes its state on demand.
 _LITTLE = 100_000
 
 

@@ -23,7 +23,7 @@ from ..support.warning import warn
 _SAVED = "be a solution that Solution.save wrote"
 # Fields that are kept as arrays.
 _ARRAYS = "t", "y", "ydot"
-# Endings that were asked for.
+# Statuses of runs that ended as the user asked.
 _QUIET = (Status.COMPLETED, Status.EVENT, Status.INTERRUPTED)
 
 

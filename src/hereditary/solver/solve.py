@@ -41,7 +41,7 @@ from .run import Drive, note_missed, run
 from .solution import Solution
 
 _CHANGES = "map times to functions change(t, y), e.g. {12.0: dose}"
-# What to write instead of keywords of other solvers.
+# Keywords of other solvers, and what to write instead.
 _INSTEAD = {
     "t0": "Equation(..., t_start=t0) sets the start",
     "t_span": "Equation(..., t_start=...) sets the start, and solve(eq, t_end) the end",
@@ -354,7 +354,7 @@ def evaluation_times(t_eval: Any, t_start: float, t_end: float) -> np.ndarray | 
     inside = f"be increasing times in [{t_start}, {t_end}]"
     if times.ndim != 1 or times.size == 0:
         refuse("t_eval", inside, f"shape {times.shape}")
-    # times computed otherwise may miss the ends by rounding
+    # times that are computed in another way may differ from the ends by rounding
     slack = 1e-12 * max(abs(t_start), abs(t_end))
     if (times[1:] <= times[:-1]).any() or times[0] < t_start - slack or times[-1] > t_end + slack:
         refuse("t_eval", inside, shown(times))

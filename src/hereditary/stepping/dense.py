@@ -19,8 +19,8 @@ from ..support.checks import real_array, refuse, shown
 _CHORD = 5e-4
 # Most points of a curve that never becomes smooth, such as rounding errors of a constant.
 _MOST = 100_000
-# Long steps are halved so many times before chords are compared with the curve: an oscillation over
-# a step has chords whose middles lie on it.
+# Number of halvings of a long step before chords are compared with the curve: the middle of a chord
+# over a whole oscillation lies on the curve.
 _HALVINGS = 3
 
 
@@ -173,7 +173,7 @@ class StepPieces(Piece):
         """Return y or y' at times t inside the steps, shape (k, d)."""
         last = self.times.size - 1
         i = np.clip(np.searchsorted(self.times, t), 1, last)
-        # where a change of y gives a time two rows, the second one counts
+        # if a change of y has given a time two rows, the second row counts
         i = np.where((self.times[np.minimum(i + 1, last)] == t) & (i + 2 <= last), i + 2, i)
         h = (self.times[i] - self.times[i - 1])[:, None]
         back = (t - self.times[i])[:, None] / h

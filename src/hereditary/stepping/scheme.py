@@ -40,7 +40,7 @@ class Scheme(ABC):
     """
 
     solve: ClassVar[str] = "newton"
-    # whether what it stores of orders above 1 keeps t x'(0)
+    # whether the increments that the scheme stores for orders above 1 include t x'(0)
     whole: ClassVar[bool] = False
     several_terms: ClassVar[bool] = True
     several_up_to: ClassVar[float] = 2.0

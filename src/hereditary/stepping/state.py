@@ -11,9 +11,10 @@ from ..equation.system import System
 from ..support.checks import refuse, shown
 from .scheme import Scheme
 
-# Shares of the time so far at which a state remembers orders and kernels that are functions.
+# Fractions of the elapsed time at which a state stores values of orders and kernels that are
+# functions.
 _LOOKS = np.linspace(0.0, 1.0, 5)
-# Traits that may change where that is meant: the memory does not depend on them.
+# Properties of an equation that may change on purpose, because the memory does not depend on them.
 _CHANGEABLE = ("params", "right-hand side")
 # Characters of a value that a message shows.
 _SHOWN = 120

@@ -20,8 +20,9 @@ from numpy.typing import ArrayLike
 _P = ParamSpec("_P")
 _R = TypeVar("_R")
 
-# Least likeness of a string to the name that it stands for: "explicit" has 0.73 to ExplicitCaputo,
-# and SciPy's "Radau" has 0.6 to Adams. At 1 only names written in full are recognised.
+# Least similarity of a string to the name that it is taken for: "explicit" has 0.73 to
+# ExplicitCaputo, and SciPy's "Radau" has 0.6 to Adams. At 1 only names written in full are
+# recognised.
 _NEAR = 0.65
 # How a message shows an integer that no float holds, which may have thousands of digits.
 _BEYOND = "a number beyond 1e308"

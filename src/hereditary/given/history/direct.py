@@ -10,9 +10,9 @@ from ..plan import Convolution
 from ..signatures import Tables, held
 from .history import History, OpenHistory
 
-# Most steps for which weights are computed at a time, where each step has a separate row of them.
+# Most steps whose weights are computed at a time, if each step has a separate row of weights.
 _ROWS = 64
-# About so many weights are computed at a time.
+# Number of weights that are computed at a time, approximately.
 _NUMBERS = 2**15
 
 

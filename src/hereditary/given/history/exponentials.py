@@ -32,11 +32,12 @@ from ..signatures import Tables, held
 from ..steps import Span
 from .history import History, OpenHistory
 
-# Steps that every bank covers. A run may be resumed up to here whatever length it first had, and
-# all shorter runs share one bank; longer ones take ten times as many, and so on. Against a bank
-# for just 1e4 steps this costs a third of the modes at a tolerance of 1e-10.
+# Number of steps that every bank of modes covers. A run may be resumed up to here whatever its
+# first length, and all shorter runs share a bank. Longer runs take a bank for ten times as many
+# steps, and so on. Compared with a bank for 1e4 steps this costs a third more modes at a tolerance
+# of 1e-10.
 _STEPS_COVERED = 2 * 10**7
-# Steps of a mesh whose rows are worked out at once.
+# Number of steps of a mesh whose rows of tables are computed at once.
 _ROWS = 256
 # Modes are handled four at a time and padded to a multiple of eight, a SIMD register's width, or of
 # sixteen where steps weigh them anew.
