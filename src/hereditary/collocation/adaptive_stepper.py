@@ -140,18 +140,18 @@ class StepLimits:
         return Limits._make([*times, *self.longest.tolist(), *tolerances, self._t_end])
 
     def used_up(self, n_steps):
-        """Return whether all allowed steps are made."""
+        """Return whether a run has made all the steps that are allowed."""
         return n_steps >= self.last_step
 
     def is_stalled(self, since, earlier, t, counts, t_stop, at_starts, sizes):
-        """Return whether steps stay short where the solution stands still, at jumps or by rounding.
+        """Return whether steps stay short although the solution hardly changes.
 
         Parameters
         ----------
         since, t : float
             Times of the start and the end of the last batch of steps.
         earlier, counts : np.void
-            Counts there.
+            Counts of the march at these times.
         t_stop : float
         at_starts : ndarray, shape (n, 2, d)
             y and p at the starts of the steps of the batch.
@@ -185,8 +185,9 @@ _OUTSIDE = Ending(Status.STEP_TOO_SMALL, NOT_FINITE)
 def ending(status, system, t, h, refused, last, peak):
     """Return the `Ending` behind the status code of a march that stopped at time t.
 
-    `last` (3 or 4, d, s) holds f, p and y at the nodes of the last step, of length h. The next step
-    was refused down to the length `refused`. `peak` (2, d) holds the largest |p| and |y| before.
+    `last` (3 or 4, d, s) are f, p and y at the nodes of the last step, of length h. The next step
+    was rejected down to the length `refused`. `peak` (2, d) are the largest |p| and |y| before the
+    last step.
     """
     if status == CRAWLING:
         return Ending(Status.STEP_TOO_SMALL, _CRAWLS)
@@ -207,9 +208,10 @@ def ending(status, system, t, h, refused, last, peak):
 
 
 def _forces_ahead(system, t, h, y):
-    """Return f where the last step, y (d, s) of length h, points to, shape (n, d).
+    """Return f at predictions of y beyond the last step, (n, d); y (d, s) are its values there.
 
-    It is evaluated at points extrapolated linearly from the first and the last node.
+    The predictions are extrapolated linearly from the first and the last node of the step, of
+    length h.
     """
     ahead = [(t + abs(a) * h, y[:, -1] + a * (y[:, -1] - y[:, 0])) for a in _DISTANCES_AHEAD]
     return np.array([system.force(*point) for point in ahead])
@@ -262,19 +264,19 @@ _FEW_ROWS = 8
 
 
 class Allowed(NamedTuple):
-    """Errors of y: relative to |y|, absolute (d,), and relative to the sizes of components."""
+    """Allowed errors of y: relative to |y|, absolute (d,), and relative to sizes of components."""
 
     rtol: float
     atol: np.ndarray
     by_size: float
 
     def times(self, factor):
-        """Return these errors times a factor."""
+        """Return the allowed errors, multiplied by a factor."""
         return Allowed(*(factor * error for error in self))
 
     @property
     def least(self):
-        """The error of y = 0, of the component that may err least."""
+        """Return the allowed error at y = 0 of the component with the smallest one."""
         return float(self.atol.min()) + self.by_size
 
 
@@ -372,7 +374,7 @@ class AdaptiveStepper(ResumableStepper, TangentStepper, JumpingStepper):
 
     @property
     def n_modes(self):
-        """Number of exponentials whose sums carry the past of each component."""
+        """Number of exponential modes with which the memory of each component is computed."""
         return self._orbit.bank.n_modes
 
     def _steps(self, t_stop):
@@ -431,19 +433,19 @@ class AdaptiveStepper(ResumableStepper, TangentStepper, JumpingStepper):
 
     @property
     def _sizes(self):
-        """Sizes of the components, (d,): the largest |y| so far, or a fraction of the others'."""
+        """Sizes of the components, (d,): the largest |y| so far, or a fraction of the largest."""
         sizes = self._state.sizes.copy()
         raise_small_once(self._marched.quantities, SMALL, sizes)
         return sizes
 
     def _still_sizes(self):
-        """Return the sizes of y, and of p where it is y, to which the tolerance refers, (2, d)."""
+        """Return the sizes of y, and of the unknown p, that tolerances refer to, (2, d)."""
         rtol, atol, by_size = self._allowed
         sizes = self._sizes if by_size > 0 else atol / (OF_SIZE * rtol)
         return np.array([sizes, np.where(self._form.second == 1, 0.0, sizes)])
 
     def _set_origin(self, t, since=0.0):
-        """Measure time from t, since rounding would hide steps next to a singular start."""
+        """Count time from t, so that rounding does not hide short steps next to a start."""
         self._control["time"], self._control["origin"] = since, t
         self._orders.clear()
 
@@ -489,14 +491,14 @@ class AdaptiveStepper(ResumableStepper, TangentStepper, JumpingStepper):
         return status
 
     def _go_on_from(self, kept, orbit):
-        """Take over the state and the orbit of a march."""
+        """Continue from the stored state and orbit of a march."""
         self._state, self._orbit = restored_state(kept), orbit
         self._orbit.adopt(self._form)
         self._orders.clear()
         self._ending, self._error = None, None
 
     def _settle(self):
-        """Give the unknowns of algebraic rows the values that these ask for."""
+        """Solve the algebraic rows at the present time for their unknowns."""
         if self.t > 0 and self.system.algebraic.any():
             x = self._view.seen(self._orbit.x[0])
             found = settled(self.system, self.system.beside(self.t, 1), x)
@@ -533,7 +535,8 @@ class AdaptiveStepper(ResumableStepper, TangentStepper, JumpingStepper):
     def _try_step(self, h, variable, t_stop):
         """Try a step of length h in a variable; return its row, and f, p and y at its nodes.
 
-        The compiled march tries it, with the history at the nodes in place of modes.
+        The compiled march tries the step. The history at the nodes is given to it in place of
+        modes.
         """
         orbit, form, n = self._orbit, self._form, variable.n
         rule = first_rule(variable, tuple(form.orders.tolist()))
@@ -602,7 +605,7 @@ class AdaptiveStepper(ResumableStepper, TangentStepper, JumpingStepper):
         return self._orbit.closest / self._rule.nodes[0]
 
     def _prefit_kernels(self, t_end):
-        """Fit kernels known by their values, for steps as short as are to be expected."""
+        """Fit kernels known by their values down to the shortest distance that steps may have."""
         closest = _CLOSE * t_end
         if self._form.solves_slopes and not self._form.varying:
             first = self._form.graded_first_step(0.0, t_end, self._allowed.least)
@@ -622,7 +625,7 @@ class AdaptiveStepper(ResumableStepper, TangentStepper, JumpingStepper):
 
     @property
     def uncertainty(self):
-        """Errors of y, (d,), that the tolerance allows here."""
+        """Errors of y that the tolerance allows at the present time, (d,)."""
         rtol, atol, by_size = self._errors
         errors = rtol * np.abs(self._orbit.x[0]) + atol + by_size * self._sizes
         return self._view.values(errors, errors)[0]
@@ -639,7 +642,7 @@ class AdaptiveStepper(ResumableStepper, TangentStepper, JumpingStepper):
         return np.vstack([values.T, speeds[:, self.system.second].T])
 
     def keep_tangents(self):
-        """Let dense output have the tangents too: d components of each after those of the orbit."""
+        """Let dense output include the tangents: d components of each follow those of the orbit."""
         self._kept = self._orbit.x.shape[0]
 
     def transform_tangent(self, matrix):
@@ -680,7 +683,7 @@ class AdaptiveStepper(ResumableStepper, TangentStepper, JumpingStepper):
         return ended._replace(detail=wrong_jacobian(rhs, jac, *at) or ended.detail)
 
     def _small_component(self):
-        """Return a clause on the component whose error is the largest, if rounding may be that."""
+        """Return a clause on the component with the largest error, if it may be rounding."""
         c = int(self._control["worst"])
         if self._allowed.by_size == 0 or self._state.sizes[c] >= self._sizes[c]:
             return ""
@@ -716,7 +719,7 @@ class AdaptiveStepper(ResumableStepper, TangentStepper, JumpingStepper):
         }
 
     def _error_estimate(self):
-        """Return the largest error of a step plus what adds up where nothing damps errors."""
+        """Return the largest error of a step, plus the errors that add up without damping."""
         of_steps = max(self._largest_error, STEP_FRACTION) * self._tolerances[0]
         if self.n_steps <= _ROWS:
             return of_steps
@@ -743,17 +746,17 @@ class AdaptiveStepper(ResumableStepper, TangentStepper, JumpingStepper):
         self._limit_steps(self._t_end)
 
     def checkpoint(self):
-        """Return copies of all that the march consists of, for `come_back` and `state`."""
+        """Return copies of everything that a step changes, for `come_back` and `state`."""
         kept = tuple(plain(part).copy() for part in self._state)
         return kept, copy.deepcopy(self._orbit), self._at_singular_start
 
     def come_back(self, checkpoint):
-        """Come back to where `checkpoint` was taken."""
+        """Return to the time at which `checkpoint` was taken."""
         kept, orbit, self._at_singular_start = checkpoint
         self._go_on_from(kept, copy.deepcopy(orbit))
 
     def expect_jumps(self, of_y):
-        """Make few steps at once, for f, and y if `of_y`, is going to jump; refuse if it cannot."""
+        """Prepare for jumps of f, and of y if `of_y`: make few steps at once, or refuse."""
         self._rows = _FEW_ROWS
         kinds, moving = "a change of y" if of_y else "a switch", "events, changes and switches"
         if self._form.solves_slopes:
@@ -767,7 +770,7 @@ class AdaptiveStepper(ResumableStepper, TangentStepper, JumpingStepper):
             refuse(moving, required, kinds)
 
     def set_y(self, y):
-        """Let y jump to these values, (d,), here; the jump does not enter the memory."""
+        """Let y jump to these values, (d,), at the present time; memory does not see the jump."""
         self._orbit.shift(self._view.widened(y - self.y))
         self._at_singular_start = True
         self._settle()
@@ -779,6 +782,6 @@ class AdaptiveStepper(ResumableStepper, TangentStepper, JumpingStepper):
         self._settle()
 
     def identity(self, t):
-        """Describe the traits that a run to time t shares with one that resumes it."""
+        """Return the properties that a run to time t shares with a run that resumes it."""
         how = {"number of nodes": self._s, "tolerances": self._tolerances}
         return identity(self.system, t, **how)

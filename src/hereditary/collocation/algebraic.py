@@ -1,8 +1,8 @@
-"""Algebraic rows 0 = f(t, y, memory): their unknowns, and consistent values of these.
+"""Algebraic rows 0 = f(t, y, memory), and consistent values of their unknowns.
 
-A row is that of a component without a derivative. Its unknown is the component itself or, if f
-reads Caputo derivatives of it, the highest of them. Rows have index 1 if they can be solved for
-their unknowns: the Jacobian with respect to these is regular.
+The row of a component without a derivative is algebraic. Its unknown is the component itself or, if
+f reads Caputo derivatives of the component, the highest of these. Rows have index 1 if they can be
+solved for their unknowns: the Jacobian with respect to the unknowns is regular.
 """
 
 import numpy as np
@@ -26,7 +26,7 @@ _NEXT_TO_0 = 1e-15
 
 
 def _unknowns(system):
-    """Return the algebraic rows, and which of all that f reads are their unknowns, (k,) each."""
+    """Return the algebraic rows and, among the values that f reads, their unknowns, (k,) each."""
     rows = np.flatnonzero(system.algebraic)
     columns, highest = rows.copy(), np.zeros(rows.size)
     for operator, coefficients in system.left:
@@ -38,20 +38,20 @@ def _unknowns(system):
 
 
 def _jacobian(system, t, x, rows):
-    """Return the rows of the Jacobian, (k, d)."""
+    """Return the Jacobian of these rows with respect to all values that f reads, (k, d)."""
     found = system.derivative(t, x)
     return (found if system.structure is None else found.toarray())[rows]
 
 
 def _residual(system, t, x, rows, rtol):
-    """Return f of these rows, and what an error of x by the tolerance makes of it, (k,) each."""
+    """Return f of these rows, and how much errors of x by the tolerance change it, (k,) each."""
     with np.errstate(all="ignore"):
         noise = rtol * (np.abs(_jacobian(system, t, x, rows)) @ np.abs(x))
     return system.force(t, x)[rows], noise + LEAST
 
 
 def _solve(system, t, x, rows, columns):
-    """Return what f reads, x (d,), with unknowns that solve the rows; None without convergence."""
+    """Return x (d,), all values that f reads, with solved unknowns; None without convergence."""
     x = x.copy()
     for _ in range(_SWEEPS):
         with np.errstate(all="ignore"):
@@ -73,9 +73,9 @@ def _regular(matrix):
 
 
 def check_start(system, rtol, atol):
-    """Refuse algebraic rows that determine no unknown, and initial values that contradict them.
+    """Refuse algebraic rows that determine no unknown, and initial values that contradict the rows.
 
-    Warn if these contradict rows whose coefficients are next to 0.
+    Rows whose coefficients are next to 0 cause a warning if the initial values contradict them.
     """
     if system.d > 1:
         _name_tiny(system, rtol)
@@ -131,7 +131,7 @@ def _name_tiny(system, rtol):
 
 
 def _check_index(system, t, x, rows, columns):
-    """Refuse rows that cannot be solved for their unknowns at the start, nor beside it."""
+    """Refuse rows that cannot be solved for their unknowns, neither at the start nor near it."""
     random = np.random.default_rng(0)
     for distance in (0.0, _BESIDE):
         moved = distance * (np.abs(x).max() or 1.0) * random.uniform(-1.0, 1.0, x.size)
@@ -147,9 +147,10 @@ def _check_index(system, t, x, rows, columns):
 
 
 def settled(system, t, x):
-    """Return what f reads, x (d,), with consistent values of the unknowns of algebraic rows.
+    """Return x (d,), all values that f reads, with consistent unknowns of algebraic rows.
 
-    Where Newton's method does not converge the values stay, and the next step finds its own.
+    If Newton's method does not converge, the values remain as they are, and the next step solves
+    the rows.
     """
     found = _solve(system, t, x, *_unknowns(system))
     return x if found is None else found
@@ -158,7 +159,7 @@ def settled(system, t, x):
 def settle_tangents(system, values):
     """Let tangents at the start satisfy algebraic rows; values (1 + k, m, d) of orbit and tangents.
 
-    That is where the unknowns of the rows are components, and not derivatives that f reads.
+    Only unknowns that are components are changed, and not derivatives that f reads.
     """
     bare = np.flatnonzero(system.algebraic)
     if bare.size == 0 or len(values) == 1 or system.read.any():

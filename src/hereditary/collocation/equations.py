@@ -83,7 +83,7 @@ class Form:
 
     @cached_property
     def groups(self) -> list["Group"]:
-        """The convolution terms, with all that differ by their rows alone in one group.
+        """Return the convolution terms in groups, whose terms differ by their rows alone.
 
         No row is twice in a group.
         """
@@ -97,10 +97,10 @@ class Form:
 
     @cached_property
     def n_rows(self) -> int:
-        """Number of sums of convolution terms that a step needs, of which each is one row.
+        """Number of rows of sums that a step computes: d, or 2 d.
 
-        One for each of the d components; d more where some terms act on the right-hand side of
-        their component instead of on its unknown.
+        Each of the d components has a row. If terms act on the right-hand side of their component
+        instead of on its unknown, each component has a second row, for these.
         """
         d = self.second.size
         subtracted = bool((self.terms["row"] >= d).any()) or bool(self.algebraic.any())
@@ -108,12 +108,12 @@ class Form:
 
     @property
     def algebraic(self) -> np.ndarray:
-        """Whether each component has no term: its row is 0 = f, (d,)."""
+        """Whether each component has no term, so that its row is 0 = f, (d,)."""
         return self.implicit == ALGEBRAIC
 
     @cached_property
     def kinds(self) -> np.ndarray:
-        """Number of the kind of each component, all of one kind having the same terms, (d,)."""
+        """Number of the kind of each component, (d,); those of one kind have the same terms."""
         d = self.second.size
         terms: list[list] = [[] for _ in range(d)]
         for row, *term in self.listed:
@@ -138,17 +138,17 @@ class Form:
 
     @property
     def begins_graded(self) -> bool:
-        """Whether a run begins with tiny ordinary steps, for no variable resolves its start."""
+        """Whether a run begins with tiny ordinary steps, because no variable resolves its start."""
         return bool(self.varying) or self.solves_slopes
 
     @property
     def solves_slopes(self) -> bool:
-        """Whether a p' is found from the balance of right-hand side and terms."""
+        """Whether some p' is found from the balance of right-hand side and terms."""
         d, slopes = self.second.size, self.terms["integrand"] == SLOPE
         return bool(self.implicit[self.terms["row"][slopes] % d].any())
 
     def start_exponent(self, t: float = 0.0) -> float:
-        """Return the smallest exponent of the time since t in p after a start at t."""
+        """Return the smallest exponent of the elapsed time in p, after a start at t."""
         d, found = self.second.size, []
         for c in range(d):
             integrand = SLOPE if self.implicit[c] else FORCE
@@ -167,7 +167,7 @@ class Form:
         return max(least, left * min(1e-2, atol ** (1 / self.start_exponent(t))))
 
     def _start_power(self, k, integrand, t):
-        """Return the exponent of time with which p changes after t by one term alone."""
+        """Return the exponent of the elapsed time with which one term alone changes p after t."""
         n_a, n_k = self.orders.size, len(self.kernels)
         if k < n_a:
             return self.orders[k] if integrand == FORCE else 1 - self.orders[k]
@@ -184,8 +184,8 @@ class Form:
 class Group(NamedTuple):
     """Convolution terms that differ by their rows alone.
 
-    Their integrand, the place of their order or kernel, and their coefficient are those of `Form`;
-    rows, and numbers among all terms, (n,).
+    The integrand, the index of the order or kernel, and the coefficient are as in `Form`. `rows`
+    and the numbers of the terms have the shape (n,).
     """
 
     integrand: int
@@ -220,14 +220,14 @@ def integral_form(system: System) -> Form:
 
 @lru_cache(maxsize=256)
 def _kept_form(left, m):
-    """Return the integral equations of few components and constant orders, kept for other runs."""
+    """Return the integral equations of few components with constant orders, from a cache."""
     terms = [SystemTerm(operator, np.array(coefficients)) for operator, coefficients in left]
     y0 = np.zeros((m, terms[0].coefficients.size))
     return _form_of(System(terms, y0, np.zeros(0)))
 
 
 def _form_of(system):
-    """Work out the integral equations of a system."""
+    """Derive the integral equations of a system."""
     highest = system.highest_orders()
     leading, second = system.coefficient(highest), highest > 1
     balanced = [_is_implicit(system, c, highest[c]) for c in range(system.d)]
@@ -277,7 +277,7 @@ def _form_of(system):
 
 
 def _from_zero(rows, d):
-    """List integrand and component of the Riemann-Liouville terms with varying orders."""
+    """Return integrand and component of each Riemann-Liouville term with a varying order."""
     found: dict[tuple[int, int], list] = {}
     for row in rows:
         if row.operator is not None and row.operator.varies:
@@ -291,7 +291,7 @@ def _from_zero(rows, d):
 
 
 def _is_implicit(system, c, highest):
-    """Return whether no Caputo derivative of constant order is the highest of a component."""
+    """Return whether the highest derivative of c is no Caputo derivative of constant order."""
     return not any(
         operator.constant and operator.order == highest and coefficients[c] != 0
         for operator, coefficients in system.left
@@ -299,7 +299,7 @@ def _is_implicit(system, c, highest):
 
 
 def _place(row, places):
-    """Return the index of a row's order or kernel."""
+    """Return the index of the order or kernel of a row."""
     if row.operator is not None:
         return places.index(row.operator.kernel or row.operator)
     return ITSELF if row.order is None else places.index(row.order)

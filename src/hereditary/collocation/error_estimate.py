@@ -111,11 +111,11 @@ def estimate_error(m, h, local, values, p0, errors):
 
 @inner
 def solve_for_error(m):
-    """Solve for the error that a defect at all nodes, (d s,), causes; both are in the room.
+    """Solve for the error caused by a defect at all nodes, (d s,); both are in the workspace.
 
-    In units of Newton's goal, the largest error is at most the largest defect: a nearly singular
-    matrix would amplify rounding errors. That says nothing of algebraic rows, whose defects are
-    those of f.
+    In units of Newton's goal, the largest error is at most the largest defect, because a nearly
+    singular matrix would amplify rounding errors. This bound does not hold for algebraic rows,
+    whose defects are those of f.
     """
     solve_newton(m)
     defect, nodal_errors = m.room.residual, m.room.change
@@ -134,12 +134,11 @@ def solve_for_error(m):
 
 @inner
 def measure_force_defect(m, h):
-    """Set the defect in `room`: the largest difference of f and its polynomial between the nodes.
+    """Set the defect: the largest difference of f and its polynomial between the nodes.
 
-    Only there does a right-hand side show that jumps, or that acts between the nodes. Both
-    polynomials are those through the nodes, so a linear f has no defect. Where the solution's
-    polynomial misses the start, the first of the times, by far more than the tolerance, f at the
-    start counts too.
+    Jumps of f, and forces that act between the nodes, show only there. Both f and y are polynomials
+    through their values at the nodes, so a linear f has no defect. If the polynomial of y misses
+    the start by far more than the tolerance, the difference at the start counts as well.
     """
     # x_start, p0 (d,)
     x_start, p0, point, sizes = m.orbit.x[0], m.orbit.initial[0], m.room.point, m.room.sizes
@@ -158,7 +157,7 @@ def measure_force_defect(m, h):
 
 @inner
 def set_point(m, h, i):
-    """Set y at check point i by the polynomials of the step, (d,), the `point` of the room."""
+    """Set `point` (d,) of the workspace to y at check point i, by the polynomials of the step."""
     # primary (d, s)
     second, x_start, primary = m.equations.second, m.orbit.x[0], m.room.values[0, PRIMARY]
     check_values, check_integrals, point = m.rule.check_values, m.rule.check_integrals, m.room.point
@@ -176,10 +175,11 @@ def set_point(m, h, i):
 
 @inner
 def look_once_more(m, h):
-    """Return a time of the step at which f is unlike its polynomial through the nodes, or 0.
+    """Return a time of the step at which f differs from its polynomial through the nodes, or 0.
 
-    Forces that act for a short time may be between the nodes of long steps. The looks are spread
-    over the run: one in each of so many equal intervals, and at most as many as a step has nodes.
+    Forces that act for a short time may lie between the nodes of long steps. The check points are
+    spread over the run: one in each of many equal intervals. A step has at most as many as it has
+    nodes.
     """
     room, kinds, sums, check_values = (
         m.room,
@@ -212,7 +212,7 @@ def look_once_more(m, h):
 
 @inner
 def update_force_defect(m, i, point):
-    """Raise the defect, (d,), to the difference of f and its polynomial at check point i."""
+    """Raise the defect (d,) to the difference of f and its polynomial at check point i."""
     force, force_defect, forces = m.room.force, m.room.defect, m.room.values[0, FORCE]
     check_values = m.rule.check_values[i]
     m.right.user.rhs(m.room.check_times[i], point, force, m.right.user.params)
@@ -226,7 +226,7 @@ def update_force_defect(m, i, point):
 
 @inner
 def largest_of(values, first, many):
-    """Return the largest absolute value of so many, NaN where one is NaN."""
+    """Return the largest absolute value of `many` values from `first` on, NaN if one is NaN."""
     largest = 0.0
     for i in range(first, first + many):
         if not abs(values[i]) <= largest:
@@ -251,9 +251,9 @@ def defect_matters(m):
 
 @inner
 def equations_hold(m):
-    """Evaluate f anew and return whether p at the nodes still satisfies the equations.
+    """Evaluate f again, and return whether p at the nodes still satisfies the equations.
 
-    A Jacobian from differences across a jump makes any equation look stiff, and solved.
+    A Jacobian by differences across a jump makes any equation look stiff, and solved.
     """
     room, p, x = m.room, m.room.values[0, PRIMARY], m.room.values[0, POSITION]
     f, goal, change = room.before, room.goal, room.change
@@ -294,12 +294,13 @@ def add_force_defect(m):
 
 @inner
 def legendre_tail(legendre, values, rounding):
-    """Return the last Legendre coefficient and the decay from one to the next, 0 to 1.
+    """Return the last Legendre coefficient, and its ratio to the coefficient before, 0 to 1.
 
-    One coefficient may be small by chance, and the last one is by collocation. So the decay is that
-    of the larger ones of two pairs, and the last coefficient at least what follows the one before.
-    If it is within `rounding`, the rounding error of the values, the decay is unknown and taken for
-    small. With equal coefficients steps are refused that no shorter one betters.
+    One coefficient may be small by chance, and collocation makes the last one small. So the ratio
+    comes from the larger coefficients of two pairs, and the last coefficient is at least this ratio
+    times the one before. Below `rounding`, the rounding error of the values, the ratio is unknown
+    and taken as small. If all coefficients were equal, steps would be rejected although no shorter
+    step is better.
     """
     # values (s,)
     s = values.shape[0]
@@ -324,10 +325,10 @@ def legendre_tail(legendre, values, rounding):
 
 @inner
 def tangent_error_ratio(m, h, slot):
-    """Return the largest ratio of a tangent's error to its tolerance, relative to its size.
+    """Return the largest ratio of the error of a tangent to its tolerance, relative to its size.
 
-    Sizes and errors are the largest among components, in the unit of each. A derivative by a
-    parameter has at least a fraction of its quotient with the unit as size.
+    Sizes and errors are the largest among the components, in units of each component. The size of a
+    derivative by a parameter is at least a fraction of the unit over the parameter.
     """
     values, p0, errors, units = m.room.values, m.orbit.initial, m.room.errors, m.room.units
     worst, rtol = 0.0, max(m.limits.rtol, _TANGENT)
@@ -351,9 +352,9 @@ def tangent_error_ratio(m, h, slot):
 
 @inner
 def raise_small(quantities, fraction, sizes):
-    """Raise sizes, (d,), to a fraction of the largest of their quantity.
+    """Raise sizes (d,) to a fraction of the largest size among components of y, or of y'.
 
-    Returns whether all sizes of a quantity are 0.
+    Return whether all sizes of y, or all of y', are 0.
     """
     number, begins, more = 0, False, True
     while more:
@@ -378,10 +379,10 @@ def raise_small_once(quantities, fraction, sizes):
 
 @inner
 def allowed_error(c, value, size, is_speed, end, limits):
-    """Return the tolerance of y_c of this absolute value and size, or of a y_c' of this value.
+    """Return the tolerance of y_c, or of y_c', of an absolute value `value` and this size.
 
-    The tolerance of y' beyond the relative one is that of y divided by a time. The error of y'
-    moves y over all that time. The time is the length of the run, or `end` [time] for an absolute
+    An error of y' moves y over a whole time. So the tolerance of y' has a relative part, and that
+    of y divided by a time. This is the length of the run, or `end` [time] for an absolute
     tolerance.
     """
     if is_speed == 1:
@@ -392,10 +393,10 @@ def allowed_error(c, value, size, is_speed, end, limits):
 
 @inner
 def error_ratio(m, h):
-    """Return the largest ratio of an error to its tolerance, over y and, where it is unknown, y'.
+    """Return the largest ratio of an error to its tolerance, over y and, if it is unknown, y'.
 
-    p is the difference of p(0) and terms of its size. So it is known to the rounding of p(0) alone,
-    and to no less than Newton's goal.
+    p is p(0) plus terms of the same size. So its error is at least the rounding of p(0), and at
+    least Newton's goal.
     """
     limits, errors, second, values = m.limits, m.room.errors, m.equations.second, m.room.values[0]
     sizes, goal, p0, largest = m.room.sizes, m.room.goal, m.orbit.initial[0], m.state.largest
@@ -426,8 +427,8 @@ def error_ratio(m, h):
 def orbit_error(m, h, slot):
     """Estimate the error of a solved step, and subtract terms from f.
 
-    Returns the ratio of error to tolerance, and whether the defect of f between the nodes alone
-    makes it too large.
+    Return the ratio of error to tolerance, and whether only the defect of f between the nodes makes
+    it exceed 1.
     """
     room, values, counts, start = m.room, m.room.values, m.state.counts, m.orbit.initial[0]
     measure_force_defect(m, h)

@@ -48,7 +48,7 @@ class GridBasis:
     tol : float
         Relative error of the sums [-].
     rates : ndarray, shape (M,)
-        Ascending [1/time], but for a few that do not belong to the grid and come first.
+        Ascending [1/time]; a few slow rates outside the grid come first.
     spacing : float
         Distance of the grid in log(rate), infinite where all kernels are constant.
     """
@@ -60,7 +60,7 @@ class GridBasis:
     spacing: float
 
     def refine(self, closest: float):
-        """Return a basis that holds down to `closest`; its first rates are those of this one."""
+        """Return a basis that holds down to `closest`; its first rates are the present ones."""
         if np.isfinite(self.spacing):
             n_added = math.ceil(math.log(self.closest / closest) / self.spacing)
             closest = self.closest / math.exp(self.spacing * n_added)
@@ -135,7 +135,7 @@ class KernelBasis:
     sums : tuple of ExponentialSum
         One for each kernel.
     masses : ndarray, shape (n,)
-        Integral of each kernel over smaller distances, less that of the sum; a point mass at 0.
+        Integral of each kernel over smaller distances minus that of the sum: a point mass at 0.
     farthest : float
         Distance up to which all sums hold [time].
     errors : KernelErrors
@@ -187,7 +187,7 @@ def _constant_until(kernel, closest, tol):
 
 @lru_cache(maxsize=64)
 def _fit(kernel, t_min, t_max, tol):
-    """Fit a kernel to `tol`, or as closely as can be."""
+    """Fit a kernel to `tol`, or to the smallest error that can be reached."""
     try:
         fit = kernel.closest_fit(t_min / _DECAYED, t_max, max(1e-13, tol))
     except ValueError as error:

@@ -70,12 +70,12 @@ class Variable(NamedTuple):
 
 
 def _is_smooth(exponent):
-    """Return whether u to this power is as good as a polynomial."""
+    """Return whether a power of u with this exponent is as good as a polynomial."""
     return exponent >= _HIGH or abs(exponent - round(exponent)) < _APART
 
 
 def functions(variable, logs):
-    """Return the polynomials that are 1 at one node and 0 at the others, at log(t) (k,); (k, n)."""
+    """Return the node functions at log(t) (k,), each 1 at one node and 0 at the others; (k, n)."""
     return _legendre(variable, logs).T @ to_legendre(variable.n)
 
 
@@ -99,7 +99,7 @@ def first_rule(variable, orders):
 
 
 def means(variable, orders, logs):
-    """Return ``J**a / t**a`` of the polynomials at log(t), finite for all t; (n_a, k, n)."""
+    """Return ``J**a / t**a`` of the node functions at log(t), finite for all t; (n_a, k, n)."""
     points, v, rule = graded_rule()
     a = np.array(orders)[:, None]
     # the width that the rule leaves out contributes a power of itself
@@ -136,7 +136,7 @@ def convolutions(variable, kernel, h):
 
 @lru_cache(maxsize=16)
 def at_rule(variable):
-    """Return the polynomials at points of the graded rule, (k, n)."""
+    """Return the node functions at points of the graded rule, (k, n)."""
     return functions(variable, np.log(graded_rule()[0]))
 
 

@@ -45,7 +45,7 @@ def jump(system, form, orbit, t, counts):
 
 
 def _forces(system, t, x, counts):
-    """Return f for the orbit and its tangents, (1 + k, d), and the Jacobian; x (1 + k, d)."""
+    """Return f and its derivatives along tangents, (1 + k, d), and the Jacobian; x (1 + k, d)."""
     force, jacobian = system.force(t, x[0]), system.derivative(t, x[0])
     jacobian = jacobian if system.structure is None else jacobian.toarray()
     counts["rhs"] += 1

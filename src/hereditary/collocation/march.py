@@ -56,11 +56,11 @@ _OF_OTHERS = 3e-15
 
 @inner
 def attempt(march, t, h, slot):
-    """Solve a step from t of length h for f, p and y at the nodes, the `values` of the room.
+    """Solve a step from t of length h for f, p and y at the nodes, `values` of the workspace.
 
-    Returns the ratio of its error to the tolerance, and whether the equations were solved. The
-    third value is whether only the defect of f makes the error too large. `slot` is the place of
-    tables for h.
+    Return the ratio of the error to the tolerance, and whether the equations were solved. The third
+    value is whether only the defect of f makes the error too large. `slot` is that of the tables
+    for h.
     """
     m = march.work
     orbit, state, room, equations, limits = m.orbit, m.state, m.room, m.equations, m.limits
@@ -99,7 +99,7 @@ def attempt(march, t, h, slot):
 
 @inner
 def set_times(origin, t, h, nodes, limits, times):
-    """Set the times of the nodes, kept strictly between origin and stop, where f may jump."""
+    """Set the times of the nodes, strictly between origin and stop, because f may jump there."""
     for i in range(nodes.shape[0]):
         time = min(origin + (t + h * nodes[i]), limits.latest)
         times[i] = max(time, limits.earliest)
@@ -107,9 +107,9 @@ def set_times(origin, t, h, nodes, limits, times):
 
 @inner
 def set_known_part(m):
-    """Complete what every row is known to be before the step is solved, (1 + k, R, s).
+    """Add initial values and offsets to the history of every row, which is known before the step.
 
-    Initial values and offsets are added to the history.
+    The array has the shape (1 + k, R, s).
     """
     initial, p, kinds, base = m.orbit.initial, m.orbit.p, m.equations.kinds, m.room.base
     constant, start_weights = m.operators.constant, m.operators.start_weights
@@ -127,16 +127,16 @@ def set_known_part(m):
 
 @inner
 def set_starts(orbit, second, starts):
-    """Set |p(0)|, (d,), where p is y."""
+    """Set `starts` (d,) to |p(0)| of the components whose p is y."""
     for c in range(starts.shape[0]):
         starts[c] = abs(orbit.initial[0, c]) if second[c] == 0 else 0.0
 
 
 @inner
 def set_units(equations, sizes, x, limits, out):
-    """Set the units of differences, (d,): sizes, or without them what `atol` makes one.
+    """Set the units of difference quotients, (d,): sizes, or what `atol` implies without sizes.
 
-    Units of the start do not count beyond the present y. 1 stands for units next to 0.
+    Units are at most the present |y|, if this exceeds the start. A unit next to 0 becomes 1.
     """
     by_size, atol, units = limits.by_size > 0.0, limits.atol, equations.units
     for c in range(out.shape[0]):
@@ -157,7 +157,7 @@ def set_units_once(equations, sizes, x, limits, out):
 
 @inner
 def raise_sizes(values, sizes):
-    """Raise the sizes of y, (d,), to those at the nodes; values (n_q, d, s)."""
+    """Raise the sizes of y, (d,), to the largest |y| at the nodes; values (n_q, d, s)."""
     for c in range(sizes.shape[0]):
         for i in range(values.shape[2]):
             size = abs(values[POSITION, c, i])
@@ -168,9 +168,9 @@ def raise_sizes(values, sizes):
 def set_newton_goal(m, h):
     """Set the error of p that Newton's method may leave, (d,).
 
-    It is at least what the rounding of y leaves in p = y' through terms of y itself. That is at
-    most what changes y by as much over the step. For a small component it is at least what the
-    rounding of the largest one leaves in it.
+    For p = y' it is at least the error that rounding of y causes through terms of y. That part is
+    at most the change of p that moves y by its rounding over the step. For a small component the
+    goal is at least the rounding of the largest component.
     """
     equations, orbit, state, limits, room = m.equations, m.orbit, m.state, m.limits, m.room
     terms, orders, second = equations.terms, equations.orders, equations.second
@@ -192,10 +192,10 @@ def set_newton_goal(m, h):
 
 @inner
 def extrapolate(m, h):
-    """Extrapolate the polynomial p of the last step to the nodes of the next.
+    """Extrapolate the polynomial of p from the last step to the nodes of the next.
 
     Differences from p at the end of the last step are extrapolated, so that a constant is exact.
-    Sets the change in the room, (d s,), to p minus the result.
+    The change in the workspace, (d s,), is set to p minus the extrapolated values.
     """
     # last, out (d, s), p (d,); reached (s, s): from the last values to the nodes ahead
     nodes, legendre, p, h_last = m.rule.nodes, m.rule.legendre, m.orbit.p[0], m.state.control.last
@@ -309,12 +309,12 @@ def solve_for_tangents(m, h, slot):
 
 @plug_in
 def no_tangents(m, h, slot):
-    """Do nothing, where only the orbit is solved for."""
+    """Do nothing: stands for `solve_for_tangents` if only the orbit is solved."""
     return 0.0
 
 
 def march_of(work):
-    """Return the march of some work, with the functions that it needs."""
+    """Return the march of these arrays, with the functions that it calls."""
     tangents = solve_for_tangents if work.orbit.x.shape[0] > 1 else no_tangents
     reading = read_varying if work.varying.integrals.shape[0] > 0 else read_nothing
     filling = fill_kernels if work.basis.masses.size > 0 else fill_nothing
@@ -324,7 +324,7 @@ def march_of(work):
 
 @inner
 def worth_new_factors(h, planned, ratio, stages):
-    """Return the planned length, or h again for some steps where it is hardly longer."""
+    """Return the planned length, or h again for some steps if the plan hardly exceeds it."""
     held = stages.control[HELD]
     if stages.hold > held and ratio <= 1.0 and h < planned < _WORTH * h:
         stages.control[HELD] = held + 1.0
@@ -335,7 +335,7 @@ def worth_new_factors(h, planned, ratio, stages):
 
 @inner
 def reason_of_refusal(by_defect, solved):
-    """Return the status code for a refused step that cannot be made smaller."""
+    """Return the status code for a rejected step that cannot be made shorter."""
     if by_defect:
         return JUMPING
     return TOO_ROUGH if solved else NEWTON_FAILED
@@ -343,7 +343,7 @@ def reason_of_refusal(by_defect, solved):
 
 @inner
 def next_step(control, end):
-    """Return start, time left and length of the next step, such that no tiny remainder is left."""
+    """Return start, time left and length of the next step, such that no tiny rest remains."""
     left = end - control.time
     h = left if control.next >= left else min(control.next, 0.5 * left)
     return control.time, left, h
@@ -351,7 +351,7 @@ def next_step(control, end):
 
 @inner
 def orders_tabulated(t, h, varying):
-    """Return whether the tables of varying orders hold for this step; if not, request them."""
+    """Return whether the tables of varying orders are those of this step; request them if not."""
     tabulated = varying.tabulated
     if varying.integrals.shape[0] == 0 or (tabulated.start == t and tabulated.length == h):
         return True
@@ -361,10 +361,11 @@ def orders_tabulated(t, h, varying):
 
 @inner
 def next_length(h, planned, ratio, was_refused, order):
-    """Return the length of the next step after one with this ratio of error to tolerance.
+    """Return the length of the next step, from the ratio of error to tolerance of a step h.
 
-    It is h times a power of the ratio, limited, on the grid of lengths; a quarter of h where the
-    step was not solved. A step shortened to end at a stop leaves the planned length as it was.
+    It is h times a limited power of the ratio, on the grid of lengths. It is a quarter of h if the
+    step was not solved. A step that was shortened to end at a stop does not change the planned
+    length.
     """
     if ratio <= 1.0 and h < planned:
         return planned
@@ -402,7 +403,7 @@ def absorb_constant_mode(rates, orbit):
 
 @inner
 def advance_orbit(m, h, slot):
-    """Advance the orbit and its tangents to the end of the step solved last."""
+    """Advance the orbit and its tangents to the end of the step that was solved."""
     x, p, values = m.orbit.x, m.orbit.p, m.orbit.last
     for column in range(values.shape[0]):
         advance_modes(m, h, slot, column)
@@ -413,7 +414,7 @@ def advance_orbit(m, h, slot):
 
 @inner
 def record_step(m, t, h, ratio, row):
-    """Record an accepted step in a row of `steps`, and the largest p so far where p is y'."""
+    """Write an accepted step into a row of `steps`; if p is y', update the largest p so far."""
     steps, second, largest = m.steps, m.equations.second, m.state.largest
     x, p, nodal, at_start = m.orbit.x, m.orbit.p, steps.p[row], steps.at_starts[row]
     d, s = x.shape[1], nodal.shape[1]

@@ -1,8 +1,8 @@
 """Exponential modes of a collocation step: reading, advancing, and tables of their factors.
 
-The modes are read at the nodes of a step and advanced to its end by factors that depend on its
-length alone. Lengths lie on a grid (`floor_to_grid`), so few of them occur in a run. The factors of
-each are stored in a slot of a table. The order of modes is that of kernels/mode_bank.py.
+Modes are read at the nodes of a step and advanced to its end by factors that depend on its length
+alone. Lengths lie on a grid (`floor_to_grid`), so a run has few of them. The factors of each length
+are stored in a slot of a table. The order of modes is that of kernels/mode_bank.py.
 """
 
 import math
@@ -47,7 +47,7 @@ def empty_weights(equations, modes, n_integrands, s):
 
 
 def empty_tables(n_modes, s, n_kernels):
-    """Allocate tables that hold the factors of no length yet."""
+    """Allocate tables without factors of any length."""
     slots = (SLOTS, n_modes, s), (SLOTS, n_modes), (SLOTS, s, n_modes), (SLOTS, n_kernels, s, s)
     return StepTables(np.zeros(SLOTS), *(np.empty(shape) for shape in slots))
 
@@ -113,12 +113,12 @@ def fill_kernels(m, h, slot):
 
 @plug_in
 def fill_nothing(m, h, slot):
-    """Do nothing, where no kernel is a general one."""
+    """Do nothing: stands for `fill_kernels` if no kernel is a general one."""
 
 
 @inner
 def decay(z):
-    """Return exp(-z), and 0 for what underflows, which takes ten times as long."""
+    """Return exp(-z), and 0 where it would underflow: underflow takes ten times as long."""
     return math.exp(-z) if z < _UNDERFLOW else 0.0
 
 
@@ -191,14 +191,15 @@ def read_varying(m, slot, column):
 
 @plug_in
 def read_nothing(m, slot, column):
-    """Do nothing, where no order varies."""
+    """Do nothing: stands for `read_varying` if no order varies."""
 
 
 @inner
 def advance_modes(m, h, slot, column):
-    """Advance the modes over the step: decay, and absorb the integrands' polynomials on it.
+    """Advance the modes over the step: they decay, and absorb the polynomials of the integrands.
 
-    Row c absorbs integrands of component c modulo d; `column` is that of the orbit or a tangent.
+    Row c absorbs integrands of component c modulo d. `column` is the number of the orbit or
+    tangent.
     """
     # to_end (M,), moments (s, M), values (n_q, d, s), modes (R, M)
     values, modes = m.orbit.last[column], m.orbit.modes[column]
@@ -231,10 +232,10 @@ def advance_modes(m, h, slot, column):
 
 @inner
 def set_mode_weights(equations, weights, of_varying, found):
-    """Set the `ModeWeights` with which the modes absorb integrands and the constant 1 of offsets.
+    """Set the weights with which modes absorb integrands, and the constants of offsets.
 
-    Modes of varying orders have weight 1: they fill rows behind the others, a row of each component
-    for each integrand.
+    Modes of varying orders have weight 1. Their rows come after the others: one for each integrand
+    and component.
     """
     # weights (n_a + n_k, M), of_varying (M,)
     input_weights, offset_weights, used = found.integrands, found.offsets, found.used
@@ -268,9 +269,9 @@ def set_mode_weights(equations, weights, of_varying, found):
 def exponential_legendre(z, n, out):
     """Set out[k] = ``int_0^1 exp(-z (1 - u)) P_k(2 u - 1) du``, k < n, for z >= 0.
 
-    These are scaled modified spherical Bessel functions of z / 2. They come by upward recurrence
-    from the first two where n is small against z / 2. Else they come by their continued fraction,
-    whose terms are positive.
+    These are scaled modified spherical Bessel functions of z / 2. If n is small compared with z / 2
+    they are computed by upward recurrence from the first two. Otherwise they are computed by their
+    continued fraction, whose terms are positive.
     """
     x = 0.5 * z
     out[0] = 1.0 if z == 0.0 else -math.expm1(-z) / z
@@ -321,18 +322,18 @@ def turning_legendre(z, n, out):
 
 
 class KeptTables:
-    """Tables that no march works with at present.
+    """A cache of tables that no march uses at present.
 
-    A march takes one and gives it back, so that no two write to it at once. Factors depend on the
-    length of a step, the nodes, and the rates and kernels alone. Results do not depend on which
-    lengths a table holds already.
+    A march takes a table and gives it back, so that no two marches write into one. Factors depend
+    only on the length of a step, the nodes, the rates and the kernels. So results do not depend on
+    the lengths that a table has already.
     """
 
     def __init__(self):
         self._kept, self._lock = [], threading.Lock()
 
     def take(self, basis, s, n_varying):
-        """Return a table for these modes on s nodes, and what it is to be given back with."""
+        """Return a table for these modes on s nodes, and the value that `give_back` takes."""
         n_kernels = basis.masses.size - n_varying
         of_kernels = basis.weights[basis.weights.shape[0] - basis.masses.size :][:n_kernels]
         parts = basis.rates, basis.pairs, of_kernels, basis.masses[:n_kernels]

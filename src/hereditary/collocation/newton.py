@@ -72,7 +72,7 @@ def positions(m, h, p, x_start, x):
 
 @inner
 def forces(m, x, f):
-    """Set f to the right-hand side at all nodes of a step, where y is x; return if it is finite."""
+    """Set f to the right-hand side at all nodes, where y is x; return whether it is finite."""
     # times (s,), x and f (d, s)
     rhs, params, times = m.right.user.rhs, m.right.user.params, m.room.times
     point, force, finite = m.room.point, m.room.force, True
@@ -105,7 +105,7 @@ def factorise_newton(m, h, p, jacobians):
 
 @inner
 def solve_newton(m):
-    """Solve for the change of p that the residual of the room asks for."""
+    """Solve for the change of p from the residual in the workspace."""
     residual, change, stages = m.room.residual, m.room.change, m.stages
     if stages.jacobians.shape[0] == 1:
         put(residual, change)
@@ -118,10 +118,11 @@ def solve_newton(m):
 def solve_stages(m, h):
     """Solve for p at the nodes by Newton's method, starting from the given values.
 
-    The room has their change from p at the start, negated. Returns whether p is accurate to the
-    goal, (d,). Sets y, and f corrected to first order for the last change of p. The state records
-    how fast the method converged. Of many components the Jacobian is kept over steps while the
-    method converges fast, and factors as long as the step's length stays.
+    The workspace has the change from p at the start to these values, negated. The function returns
+    whether p is accurate to the goal, (d,). It sets y, and f corrected to first order for the last
+    change of p. The state records the rate of convergence. With many components the Jacobian is
+    kept over steps while the method converges fast, and factors as long as the length of the step
+    stays.
     """
     room, stages, counts, contraction = m.room, m.stages, m.state.counts, m.state.contraction
     values, x_start, control, goal = room.values[0], m.orbit.x[0], stages.control, room.goal
@@ -188,9 +189,9 @@ def solve_stages(m, h):
 
 @inner
 def iterate_once(m, p, x, f):
-    """Set p to what its equations give for the first guess; return whether rows are algebraic.
+    """Set p to the values of its equations at the first guess; return whether rows are algebraic.
 
-    Algebraic rows may not depend on their unknowns where all memory is still 0.
+    Algebraic rows may not depend on their unknowns while all memory is still 0.
     """
     implicit, residual, s, found = m.equations.implicit, m.room.residual, p.shape[1], False
     residuals(m, m.room.base[0], p, x, f)
@@ -203,7 +204,7 @@ def iterate_once(m, p, x, f):
 
 @inner
 def stage_jacobians(m, x, out):
-    """Set the Jacobian of each node, or only that of the middle one; return the calls of `rhs`."""
+    """Set the Jacobian of each node, or of the middle one alone; return the calls of `rhs`."""
     # x (d, s), out (s, d, d), or (1, ., .) for all nodes
     times, point, units = m.room.times, m.room.point, m.room.units
     s, calls = times.shape[0], 0
@@ -217,7 +218,7 @@ def stage_jacobians(m, x, out):
 
 @inner
 def correct_forces(jacobians, before, x, f, moved):
-    """Correct f (d, s) to first order from y = `before` to y = x; moved (s, d) is room."""
+    """Correct f (d, s) to first order from y = `before` to y = x; `moved` (s, d) is workspace."""
     d, s = x.shape
     sparse, by_nodes, entries = is_sparse(jacobians[0], d), jacobians.shape[0] > 1, jacobians[0]
     for k in range(entries.shape[1] if sparse else 0):
@@ -235,7 +236,7 @@ def correct_forces(jacobians, before, x, f, moved):
 
 @inner
 def take_back_at_nodes(f, share, change, p):
-    """Take back a share of the last change, (d s,), of p at nodes where f is not finite."""
+    """Undo a fraction of the last change (d s,) of p at the nodes where f is not finite."""
     d, s = p.shape
     for i in range(s):
         finite = True
@@ -248,7 +249,7 @@ def take_back_at_nodes(f, share, change, p):
 
 @inner
 def take_change(change, goal, p):
-    """Subtract a change, (d s,), from p; return the largest in units of the goal."""
+    """Subtract a change (d s,) from p; return its largest entry in units of the goal."""
     size, largest = 0.0, 0.0
     for c in range(p.shape[0]):
         for i in range(p.shape[1]):
@@ -265,7 +266,7 @@ def take_change(change, goal, p):
 
 @inner
 def contraction_rate(size, previous, h, contraction):
-    """Return how fast Newton's method converges, and record it where two changes tell."""
+    """Return the rate of convergence of Newton's method, and record it after two changes."""
     if previous < np.inf:
         rate = size / previous
         contraction.rate = max(rate, 0.1 * contraction.rate)
@@ -352,7 +353,7 @@ def solve_tangent_stages(m, h):
 
 @inner
 def set_derivatives_by(k, m):
-    """Set the room's `forced` to df / dp_k at the nodes of the orbit's step."""
+    """Set `forced` of the workspace to df / dp_k at the nodes of the step."""
     room, x = m.room, m.room.values[0, POSITION]
     for i in range(x.shape[1]):
         for c in range(x.shape[0]):

@@ -17,7 +17,7 @@ def checked_tolerance(
     system, t_end, state=None, *, modes=None, n_steps=None, mesh=False,
     rtol=None, atol=None, max_step=None, max_steps=None,
 ):  # fmt: skip
-    """Return the `Tolerance`; what is not given is that of a state, or a default."""
+    """Return the `Tolerance` of a run; missing arguments are those of a state, or defaults."""
     given = {"n_steps": n_steps, "mesh": None if mesh is False else mesh}
     left_out("with Collocation, which chooses its steps", **given)
     _check_end(t_end, system)
@@ -38,7 +38,7 @@ def checked_tolerance(
 
 
 def _absolute(atol, n):
-    """Return an absolute tolerance: a number, or a tuple of one for each of n components of y."""
+    """Return atol as a number, or as a tuple of numbers for n components of y."""
     if not isinstance(atol, list | tuple) and np.ndim(atol) == 0:
         return positive("atol", atol)
     values = real_array("atol", atol)
@@ -49,7 +49,7 @@ def _absolute(atol, n):
 
 
 def _check_end(t_end, system):
-    """Refuse an end of a run if its powers exceed the range of double precision."""
+    """Refuse an end of a run whose powers exceed the range of double precision."""
     farthest = _FARTHEST ** (1 / max(1.0, float(system.highest_orders().max())))
     interval = f"[{1 / _FARTHEST:g}, {farthest:g}]"
     within("t_end", t_end, 1 / _FARTHEST, farthest, interval, "take another unit of time")

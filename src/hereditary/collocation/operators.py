@@ -73,7 +73,7 @@ def assemble_operators(h, equations, rule, local, operators):
 
 @inner
 def set_columns(operators):
-    """Set what follows from the matrices: by columns, sums are vectorised."""
+    """Set the copies of the matrices by columns, with which sums are vectorised."""
     matrices, columns, alone, sums = (
         operators.matrices, operators.columns, operators.alone, operators.sums
     )  # fmt: skip
@@ -101,7 +101,7 @@ def first_of_kind(kinds, kind):
 
 @inner
 def any_offset(offsets, n):
-    """Return whether a constant, (1 + k, n), is subtracted from the integrand of term n."""
+    """Return whether a constant is subtracted from the integrand of term n; offsets (1 + k, n)."""
     found = False
     for column in range(offsets.shape[0]):
         found = found or offsets[column, n] != 0.0

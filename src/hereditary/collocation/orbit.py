@@ -77,7 +77,7 @@ class OrbitAndTangents:
         self._join()
 
     def _of_terms(self, constants):
-        """Return what is subtracted from the integrand of each term, from 0, p(0), y(0)."""
+        """Return the constant of each term, as `offset_of` selects it from 0, p(0) and y(0)."""
         components = self._form.terms["row"] % constants.shape[2]
         return np.ascontiguousarray(constants[self._form.offset_of, :, components].T)
 
@@ -166,13 +166,13 @@ class OrbitAndTangents:
         self._clear_modes()
 
     def _clear_modes(self):
-        """Set all modes to what they hold at a start."""
+        """Set all modes to their values at a start."""
         self.modes = np.zeros((self.x.shape[0], self._n_rows, self.bank.n_modes))
         self._take_start(slice(None))
         self.before = self.modes.copy()
 
     def _take_start(self, modes):
-        """Let y(0) of Riemann-Liouville terms enter these modes, as a jump from 0."""
+        """Add y(0) of Riemann-Liouville terms to these modes, as a jump from 0."""
         d, unweighted = self.x.shape[1], self._form.unweighted.tolist()
         for q, c in self._form.from_zero:
             row = (2 + unweighted.index(q)) * d + c
@@ -190,7 +190,7 @@ class OrbitAndTangents:
         self.modes = self._advanced(self.before)
 
     def shift(self, change):
-        """Add `change` (d,) to y of the orbit, and to all that is measured from p(0) and y(0).
+        """Add `change` (d,) to y of the orbit, and to p(0) and y(0) where these are subtracted.
 
         So the jump does not enter the memory.
         """
@@ -203,7 +203,7 @@ class OrbitAndTangents:
         self.offsets[0] += self._of_terms(constants)[0]
 
     def jump_to(self, p, x):
-        """Set p and y, (1 + k, d), and add the jump of p to the modes."""
+        """Set p and y to these values, (1 + k, d), and add the jump of p to the modes."""
         d = x.shape[1]
         for c, q, k, coefficient in self._form.listed:
             if q == SLOPE and k != ITSELF:
@@ -211,7 +211,7 @@ class OrbitAndTangents:
         self.p, self.x = p, x
 
     def refine(self, closest):
-        """Refine the modes down to `closest`; the new, fast ones contain the last step alone."""
+        """Refine the modes down to `closest`; the new fast modes contain the last step alone."""
         n, end = self.power_laws.rates.size, self.bank.n_real
         self.power_laws = self.power_laws.refine(closest)
         if self._form.varying:
@@ -269,9 +269,9 @@ class OrbitAndTangents:
         return values @ functions.T
 
     def _nodal(self):
-        """Return the last step's integrands at its nodes, (1 + k, n_q, d, s).
+        """Return the integrands of the last step at its nodes, (1 + k, n_q, d, s).
 
-        And the functions of the nodes at points of the graded rule, (n, s).
+        Return also the node functions at points of the graded rule, (n, s).
         """
         if self._singular is not None:
             variable, values = self._singular
@@ -279,7 +279,7 @@ class OrbitAndTangents:
         return self.last, at_rule(Variable(n=self.last.shape[-1]))
 
     def _advanced(self, modes):
-        """Return modes given before the last step, advanced to its end."""
+        """Return modes that were given before the last step, advanced to the end of that step."""
         bank, d = self.bank, self.x.shape[1]
         rates = bank.rates * self.last_length
         values, functions = self._nodal()
@@ -320,7 +320,7 @@ def _integrals(values, functions, weights, damped):
 
 
 def _round_to_decades(closest, farthest):
-    """Return the next smaller distance ``farthest / 10**k``, so that similar runs share fits."""
+    """Return the next smaller distance ``farthest / 10**k``, so that similar runs share a fit."""
     return farthest / 10.0 ** math.ceil(math.log10(max(farthest / closest, 10.0)))
 
 

@@ -72,7 +72,7 @@ class FirstPiece(Piece):
         return np.where(second, speeds, slopes)
 
     def _begun(self, row):
-        """Return where a row (d, n) begins: at p, or next to it where p has moved at once, (d,)."""
+        """Return p at the start of a row (d, n), or next to the start if p jumps there, (d,)."""
         limit = row @ _at_start(self.variable.n)
         moved = np.abs(limit - self.p) > 0.5 * np.abs(row - self.p[:, None]).max(axis=1)
         return np.where(moved, limit, self.p)
@@ -90,16 +90,16 @@ class FirstPiece(Piece):
         return y[None][chosen], np.where(second, p, steep)[None][chosen]
 
     def _x(self, logs):
-        """Return 2 u - 1 at log(t)."""
+        """Return the argument 2 u - 1 of the polynomials at log(t)."""
         return 2 * np.minimum(self.variable.at(logs), 1.0) - 1
 
     def _change(self, row, polynomials):
-        """Return sums of polynomials (k, n + 1) of a row (d, n) less its start, (k, d)."""
+        """Return p minus its start, (k, d), from a row (d, n) and polynomials (k, n + 1)."""
         weights = (polynomials @ through_start(self.variable.n))[:, 1:]
         return weights @ (row - self._begun(row)[:, None]).T
 
     def _slopes(self, t):
-        """Return the slopes of p at times t above 0, in lengths of the step, (k, d)."""
+        """Return the slopes of p at times t above 0, in units of 1 / length of the step, (k, d)."""
         n = self.variable.n
         values = legendre_values(self._x(np.log(t)), n - 1).T @ _derivatives(n)
         with np.errstate(over="ignore"):  # slopes next to a singular start may be infinite
@@ -139,14 +139,14 @@ class PolynomialPieces(Piece):
         return y, self._at(places, second, 1) if slopes else np.full_like(y, np.nan)
 
     def _places(self, t):
-        """Return the steps of these times, (k,), their lengths (k, 1), and polynomials there."""
+        """Return the steps of times t, (k,), their lengths (k, 1), and polynomials at t."""
         i = np.minimum(np.maximum(last_start(self.starts, t), 0), self.starts.size - 1)
         s, h = self.rows.shape[2], self.lengths[i]
         x = 2 * np.minimum(np.maximum((t - self.starts[i]) / h, 0.0), 1.0) - 1
         return i, h[:, None], _legendre(float(x[0]), s) if x.size == 1 else legendre_values(x, s).T
 
     def _at(self, places, second, derivative):
-        """Return y, or y' for ``derivative=1``, at what `_places` gives, (k, d)."""
+        """Return y, or y' for ``derivative=1``, (k, d), at times that `_places` has located."""
         i, h, values = places
         if not derivative and second.all():
             return self._positions(i, h, values)
@@ -160,7 +160,7 @@ class PolynomialPieces(Piece):
         return np.where(second, self._positions(i, h, values), p)
 
     def _weighted(self, i, coefficients):
-        """Return sums of p's Legendre coefficients in the steps i, (k, d); (k, s + 1) the weights.
+        """Return sums of Legendre coefficients of p in the steps i, (k, d), by weights (k, s + 1).
 
         The polynomials are those through p at the start and at the nodes.
         """
@@ -169,16 +169,16 @@ class PolynomialPieces(Piece):
         return found + self.at_starts[i, 1] * weights[:, :1]
 
     def _positions(self, i, h, values):
-        """Return y in the steps i, (k, d), with Legendre's polynomials there, (k, s + 1).
+        """Return y in the steps i, (k, d), from Legendre polynomials at the times, (k, s + 1).
 
-        It is the integral of the polynomial through p at the nodes alone, so that it is continuous.
+        It is the integral of the polynomial through p at the nodes alone, so that y is continuous.
         """
         s = self.rows.shape[2]
         weights = values @ (_integrals(s) @ to_legendre(s))
         return self.at_starts[i, 0] + h * np.einsum("kdj,kj->kd", self.rows[i], weights)
 
     def at_ends(self, ends, chosen, second, slopes=True):
-        """Return y and y' at the chosen ones of the steps' ends."""
+        """Return y and y' at the chosen ends of steps."""
         rows, h = self.rows[chosen], self.lengths[chosen, None]
         p, s = rows[:, :, -1], self.rows.shape[2]
         of_start, of_rows, integral = _end_weights(s)
@@ -205,9 +205,9 @@ def _at_start(n):
 
 @lru_cache(maxsize=16)
 def _end_weights(s):
-    """Return weights for the end of a step of length 1, of p at the start and at the nodes.
+    """Return the weights of p at the start and at the nodes for the end of a step of length 1.
 
-    Weights of the slope there: a number and (s,); and of the integral, (s,).
+    They give the slope there, a number and (s,), and the integral over the step, (s,).
     """
     slope = _derivatives(s).sum(axis=0) @ through_start(s)  # all polynomials are 1 at the end
     return slope[0], slope[1:], _integrals(s).sum(axis=0) @ to_legendre(s)

@@ -43,7 +43,7 @@ def radau_integrals(s, a):
 
 
 def integrals_of_rows(s, a):
-    """Return integrals as `radau_integrals`, with an order in [0, 1] for each node, (..., s, s)."""
+    """Return `radau_integrals` with one order in [0, 1] for each node, (..., s, s)."""
     means = np.einsum("...ik,kij->...ij", _towards(a), _tabulated(s))
     return radau_nodes(s)[:, None] ** a[..., None] * means
 
@@ -86,7 +86,7 @@ def rule_of(s, orders):
 
 @lru_cache(maxsize=16)
 def _slopes(s):
-    """Return the inverse of the integral of order 1: from values, 0 at the start, to slopes."""
+    """Return the inverse of the integral of order 1: slopes from values, with the value 0 at 0."""
     return _frozen(np.linalg.inv(radau_integrals(s, 1.0)))
 
 
@@ -128,9 +128,9 @@ def through_start(s):
 
 
 def check_points_of(s):
-    """Return the points of a step that are looked at besides its nodes, (2 + s,).
+    """Return the check points of a step, which are no nodes, (2 + s,).
 
-    The first two count for the error of every step, the others for that of none.
+    The first two enter the error of every step, the others of none.
     """
     ends = np.concatenate([[0.0], radau_nodes(s)])
     # of all midpoints between nodes the last one shows most often that a solution slides along a

@@ -39,7 +39,7 @@ class Plain:
     Attributes
     ----------
     system : System
-        What is solved.
+        The system that is solved.
     second : ndarray of bool, shape (d,)
         Components of y whose first derivative is an unknown.
     """
@@ -48,7 +48,7 @@ class Plain:
         self.system, self.second = system, system.second
 
     def directions(self, directions):
-        """Return directions of initial data of the system, shape (n_data, k)."""
+        """Return directions of initial data of the equation as those of the system, (n_data, k)."""
         return directions
 
     def values(self, x, p):
@@ -60,11 +60,11 @@ class Plain:
         return piece
 
     def widened(self, change):
-        """Return a change of y, (d,), or of all that f reads, as one of all components."""
+        """Return a change of y (d,), or of all that f reads, as a change of all components."""
         return change
 
     def seen(self, x):
-        """Return what f reads of components x (n,) of the system."""
+        """Return the values that f reads, from components x (n,) of the system."""
         return x
 
 
@@ -76,7 +76,7 @@ class Reading(Plain):
         self._d, self._n_read = system.n_solved, system.d
 
     def directions(self, directions):
-        """Return directions of initial data of the system, shape (n_data, k)."""
+        """Return directions of initial data of the equation as those of the system, (n_data, k)."""
         if directions is None:
             return None
         wide = np.zeros((self.system.d, directions.shape[1]))
@@ -94,7 +94,7 @@ class Reading(Plain):
         return ReadingPiece(piece, self._speeds)
 
     def widened(self, change):
-        """Return a change of y, (d,), or of all that f reads, (n,), as one of all components."""
+        """Return a change of y (d,), or of all that f reads (n,), as one of all components."""
         found = np.pad(change[: self._d], (0, self.system.d - self._d))
         for copy, source in self._copies:
             found[copy] = found[source]
@@ -104,7 +104,7 @@ class Reading(Plain):
         return found
 
     def seen(self, x):
-        """Return what f reads, y and memory, of components x (n,) of the system."""
+        """Return the values that f reads, y and memory, from components x (n,) of the system."""
         found = np.zeros(self._n_read)
         for row, place, factor in self._read:
             found[row] += factor * x[place]
@@ -171,8 +171,8 @@ def reduced(system):
 class _Reduction:
     """The components that take the place of memory.
 
-    A component without a term has an algebraic row. `forces` holds pairs (row, j): such a row has
-    F_j on its right side. `own` holds what rows have besides, (row, component, factor).
+    A component without a term has an algebraic row. `forces` are pairs (row, j): the right side of
+    the row is F_j. `own` are further entries of rows: (row, component, factor).
     """
 
     def __init__(self, system):
@@ -217,7 +217,7 @@ class _Reduction:
         return len(self._starts) - 1
 
     def _derive(self, place, order, origin, j):
-        """Let the derivative of a component be another one; without that, D^alpha y_j."""
+        """Set the derivative of a component to another component, or to F_j if none is given."""
         coefficient = 1.0
         if origin is None and self._bare[j]:
             origin = self._places[j, self._leading[j]]
@@ -229,7 +229,7 @@ class _Reduction:
         self._terms.append((ConstantOrder(float(order)), place, coefficient))
 
     def _place(self, j, operator):
-        """Return the component that is the term of an operator, with factor 1, on y_j."""
+        """Return the component that equals the term of an operator on y_j, with factor 1."""
         if not operator.constant:
             return self._convolution(j, operator)
         gamma, leading = operator.order, self._leading[j]
@@ -279,7 +279,7 @@ class _Reduction:
         return place
 
     def _add_own(self, j):
-        """Add a component with a quantity of its own; return its number."""
+        """Add a component with an own unknown; return its number."""
         return self._add(0.0, j, -1.0 - len(self._starts))
 
     def _delayed(self, j, kernel):
@@ -350,8 +350,8 @@ def in_stages(operator):
 def _leading_orders(system):
     """Return the highest order of each component, (d,).
 
-    That of a component with an algebraic row is the highest that f reads: its derivative of this
-    order is found from the row.
+    For a component with an algebraic row it is the highest order that f reads: the row determines
+    this derivative.
     """
     d, bare = system.n_solved, system.algebraic
     found = system.highest_orders()[:d].copy()

@@ -70,16 +70,19 @@ def _decay_rates(jacobian):
 
 
 def _order(form):
-    """Return the smallest order by which f is integrated; tiny ones are no measure of lengths."""
+    """Return the smallest order by which f is integrated, without tiny orders.
+
+    Tiny orders are no measure of lengths.
+    """
     forces = form.terms[form.terms["integrand"] == FORCE]
     orders = form.orders[forces["index"]] + form.second[forces["row"]]
     return max(float(orders.min(initial=1.0)), 0.1)
 
 
 def _rate(system, form, orbit, jacobian, just_after):
-    """Return how fast the solution may change at first: the largest sum of sqrt(J_ij J_ji).
+    """Return the rate at which the solution may change first: the largest sum of sqrt(J_ij J_ji).
 
-    For many components |J v| / |v| for v = f and v = y' is the better measure. Of a partial
+    With many components |J v| / |v| is a better rate, for v = f and v = y'. For a partial
     differential equation with smooth initial data it does not grow as the mesh becomes finer.
     """
     if not has_stages(form):  # units of components do not enter

@@ -1,4 +1,4 @@
-"""Room for the linear systems of collocation steps."""
+"""Storage and solvers of the linear systems of collocation steps."""
 
 from functools import partial
 from typing import Any, NamedTuple
@@ -27,7 +27,10 @@ _HOLD = 1
 
 
 class StageSolver(NamedTuple):
-    """Solver of the systems of all stages and its room; `held` keeps alive what enters Python."""
+    """Solver of the systems of all stages, and its storage.
+
+    `held` are objects that must exist as long as the solver.
+    """
 
     solver: Any
     stages: Stages
@@ -37,7 +40,7 @@ class StageSolver(NamedTuple):
 def has_stages(form):
     """Return whether steps of these equations keep the factors of one Jacobian for all stages.
 
-    That asks for many components: of few, factors take no longer than solutions.
+    This needs many components: for few, a factorisation takes no longer than a solution.
     """
     return form.second.size > FEW
 
@@ -70,7 +73,7 @@ def stage_solver(structure, form, s):
 
 
 def _joint_solver(structure, form, s):
-    """Return the `StageSolver` of components that are few, or whose terms differ."""
+    """Return the `StageSolver` for few components, or for components with different terms."""
     d, kinds = form.second.size, (form.kinds, form.second)
     n, order = d * s, np.arange(d * s)
     if structure is None:
@@ -92,9 +95,9 @@ def _joint_solver(structure, form, s):
 
 
 def _solver(function, kinds, s, held=None, *, order, **given):
-    """Return a `StageSolver` with what is given, and no room for anything else.
+    """Return a `StageSolver` with the given parts, and empty arrays for all others.
 
-    `kinds` holds `Form.kinds` and `Form.second`, (d,) each.
+    `kinds` are `Form.kinds` and `Form.second`, (d,) each.
     """
     numbers, second_of = kinds
     n = int(numbers.max()) + 1

@@ -47,7 +47,7 @@ _SCALING = ord("S")
 
 @inner(allocates=True)
 def diagonalise_stages(stage):
-    """Set the eigenvalues that are needed, and both transforms; False where there are none."""
+    """Set the required eigenvalues and both transforms; return False if they do not exist."""
     s = stage.integral.shape[0]
     pencil = np.empty((3, s, s))
     set_pencil(stage.matrices[0], stage.integral, stage.second[0], pencil)
@@ -82,7 +82,7 @@ def diagonalise_stages(stage):
 
 @inner(allocates=True)
 def set_inverse(a, out):
-    """Set the inverse of a (s, s), column by column; False for a singular matrix."""
+    """Set the inverse of a (s, s), column by column; return False for a singular matrix."""
     # loops take less time to compile than NumPy's functions, and s is small
     s = a.shape[0]
     copied, column = np.empty((s, s)), np.empty(s)
@@ -109,10 +109,10 @@ def set_product(a, b, out):
 
 @inner(allocates=True)
 def eigenvectors(lapack, matrix, values, imaginary, vectors):
-    """Set both parts of the eigenvalues, (s,), and the eigenvectors by LAPACK; False if it fails.
+    """Set both parts of the eigenvalues (s,), and the eigenvectors, by LAPACK; False if it fails.
 
-    Vectors are rows, (s, s). Of a pair these are the real part and then the imaginary part, of the
-    eigenvalue above the real axis, which comes first.
+    Eigenvectors are rows, (s, s). A conjugate pair has two rows, the real and then the imaginary
+    part of the vector of the eigenvalue above the real axis. This eigenvalue comes first.
     """
     s = values.shape[0]
     for i in range(s):
@@ -159,7 +159,7 @@ def add_solution(k, solution, stage, out):
 
 @plug_in
 def no_stages(task, values, stage):
-    """Do nothing, in place of a solver: few components need none."""
+    """Do nothing: stands for a solver with few components, which need none."""
     return 1
 
 
@@ -233,7 +233,7 @@ def reduce(stage):
 
 @inner
 def eliminate(shift, h, real, imaginary, exchanged):
-    """Set the factors of ``1 - shift H``, pivots inverted, rows exchanged where that is needed."""
+    """Set the factors of ``1 - shift H``, with inverted pivots and exchanged rows if necessary."""
     n = h.shape[0]
     set_shifted_row(0, shift, h, real, imaginary)
     for j in range(n):
@@ -291,7 +291,7 @@ def substitute_hessenberg(real, imaginary, exchanged, x):
 
 @inner(reorders=True)
 def complex_dot(real, imaginary, x_real, x_imaginary, first, end):
-    """Return both parts of the sum of products of two complex vectors."""
+    """Return both parts of the dot product of two complex vectors, from `first` to `end`."""
     a, b = 0.0, 0.0
     c, d = real[first:end], imaginary[first:end]
     x, y = x_real[first:end], x_imaginary[first:end]
@@ -414,9 +414,10 @@ def stage_matrix(stage, h, jacobians, at_nodes, out):
 
 @inner
 def set_pencil(own, integral, is_speed, out):
-    """Set matrices with which the residuals of component c change by ``M x_c - sum_e J_ce G x_e``.
+    """Set M and G, by which the residuals of component c change: ``M x_c - sum_e J_ce G x_e``.
 
-    M and both G are those of the kind of c, G for x_e that are values of y and for those of y'.
+    M and both G are those of the kind of c. One G is for components e whose unknown is y, the other
+    for y'.
     """
     # own (3, s, s), integral (s, s) over the step, out (3, s, s)
     force, place, s = own[FORCE], own[POSITION], integral.shape[0]
@@ -454,7 +455,7 @@ def set_entries(stage):
 def set_scales(units, stage):
     """Set the scales of systems of all stages to the powers of 2 below these units, (d,).
 
-    Other scales void the factors.
+    If scales change, the factors are no longer valid.
     """
     for c in range(units.shape[0] if stage.joint.shape[0] > 0 else 0):
         scale = math.ldexp(1.0, math.frexp(units[c])[1] - 1)
