@@ -1,4 +1,7 @@
-"""Parts of the march: open a block, add known terms, start the memory, write rows."""
+"""Parts of the march on given steps.
+
+A block of steps is opened, known terms are added, the memory is started, and rows are written.
+"""
 
 from ..compiled.jit import I8, IVEC, MAT, VEC, entry, inner
 from .signatures import MARCH_MEMORY
@@ -13,7 +16,7 @@ NOT_SOLVED = 2  # the equations of a step could not be solved
 
 @inner
 def open_block(lag, pieces, n, groups, weights, memory):
-    """Set the lag of the block from step n on, and move the newest piece to its front."""
+    """Set the lag of the block that begins with step n, and move the newest piece to its front."""
     newest = pieces.shape[1] - 1
     for c in range(lag.shape[0]):
         w = weights[groups[c]]
@@ -27,7 +30,7 @@ def open_block(lag, pieces, n, groups, weights, memory):
 
 @inner
 def keep_jacobian(m, t, k):
-    """Keep the Jacobian of a step as number k."""
+    """Store the Jacobian of a step as number k."""
     right, orbit = m.right, m.state.x[: m.table.n_orbit]
     out = m.output.jacobians[k]
     m.state.counts.rhs += right.jacobian(right.user, t, orbit, m.room.units, out)
@@ -60,9 +63,10 @@ def begin_others(m):
 
 @inner
 def write_row(m, k, h, ratio):
-    """Write row k, with the slope at its end of the parabola through the last three values.
+    """Write row k, and the slope at its end of the parabola through the last three values.
 
-    Where steps grow or shrink by more than _STEEP at once, that of a line.
+    If the step is more than _STEEP times longer or shorter than the one before, the slope is that
+    of a line.
     """
     rows, slopes = m.output.rows, m.output.slopes
     x, u, d = m.state.x, m.state.increment, m.state.change
@@ -73,7 +77,7 @@ def write_row(m, k, h, ratio):
 
 @inner
 def bounded(x):
-    """Return whether all of x is finite and far from overflow."""
+    """Return whether all values of x are finite and far from overflow."""
     for c in range(x.shape[0]):  # noqa: SIM110 (numba takes no generator here)
         if not abs(x[c]) < 1e300:
             return False
@@ -88,7 +92,7 @@ def open_lag(lag, pieces, n, groups, weights, memory):
 
 @entry(I8, VEC, VEC, MAT, MAT)
 def close_piece(p, weights, piece, lag, pieces):
-    """Keep the piece (W,) of step p in its block, and spread it over the steps ahead."""
+    """Store the piece (W,) of step p, and add it to the lags of later steps of the block."""
     for c in range(piece.shape[0]):
         pieces[c, p + 1] = piece[c]
         for k in range(2, lag.shape[1] - p):

@@ -49,13 +49,13 @@ class FirstSteps:
 
     @cached_property
     def _powers(self):
-        """Highest order, its factor, and r for each component, (d,); asked for by few runs."""
+        """Highest order alpha, the factor a, and r for each component, (d,); few runs need them."""
         alpha = self._system.highest_orders()[: self._system.n_solved]
         more = np.where(alpha >= 1, 2.0, np.minimum(1.0, 2 * alpha))
         return alpha, _leading(self._system), more
 
     def end(self, n, y):
-        """Note that step n, 1 or 2, ends at y."""
+        """Record that step n, 1 or 2, ends at y."""
         self._values[n - 1] = y
 
     def inside(self, n, times):
@@ -88,7 +88,7 @@ class FirstSteps:
 
 
 def _leading(system):
-    """Return the a above, (n_solved,), or 0 if the right-hand side has no value at 0."""
+    """Return the factor a of ``t**alpha``, (n_solved,), or 0 if f has no value at 0."""
     f, alpha = np.full(system.d, np.nan), system.highest_orders()
     with suppress(Exception):  # the march meets it again, or never asks for it there
         f = system.force(0.0, system.at_start)

@@ -63,8 +63,8 @@ _SHORT = 256
 class FixedStepper(ResumableStepper, TangentStepper, JumpingStepper):
     """A march of one equation with one scheme and one history on given steps.
 
-    Tangents may go alongside: the derivative of every step along given directions. All that is
-    linear in them can be replaced by linear combinations at any step.
+    It may solve tangents as well: the derivatives of every step along given directions. At any step
+    they, and all of their memory, can be replaced by linear combinations.
 
     Parameters
     ----------
@@ -73,7 +73,7 @@ class FixedStepper(ResumableStepper, TangentStepper, JumpingStepper):
     history : History
     steps : UniformSteps or MeshSteps
     n_steps : int
-        Steps the whole run is going to take; histories prepare for that many.
+        Number of steps of the whole run, for which histories prepare.
     directions : ndarray, shape (n_data, k), optional
         Derivatives of the initial data along k directions: those of y(0), and behind them those of
         y'(0) for each component of order above 1.
@@ -108,7 +108,7 @@ class FixedStepper(ResumableStepper, TangentStepper, JumpingStepper):
         self._breaks: frozenset[int] = frozenset()
 
     def _inside(self, system):
-        """Return the system that is marched in place of another one."""
+        """Return the system that the scheme solves: a reduced one, or `system` itself."""
         return self.scheme.reduction(system) or system
 
     def _planned(self, system):
@@ -117,7 +117,7 @@ class FixedStepper(ResumableStepper, TangentStepper, JumpingStepper):
         return with_initial_values(self.steps.plan(self.scheme, system), system, order)
 
     def _begin(self, plan):
-        """Open a memory for a plan, and arrays of a march that stands at step 0."""
+        """Open a memory for a plan, and allocate the arrays of a march at step 0."""
         self.memory = self.history.open(plan.past, plan.groups.size, self._block, self._span)
         self._loop, system = MARCHES[self.scheme.solve], self._marched
         self._past, self._rows, self._lasting = plan.past, plan.rows, plan.lasting
@@ -142,7 +142,7 @@ class FixedStepper(ResumableStepper, TangentStepper, JumpingStepper):
         self._stand_at_start(plan)
 
     def _stand_at_start(self, plan, columns=slice(None)):
-        """Stand at step 0, where nothing is remembered; by these columns of a plan."""
+        """Set the march to step 0, with an empty memory and these columns of a plan."""
         orders, x = self.system.highest_orders(), plan.initial[columns].copy()
         width, none = x.size, np.zeros((0, plan.initial.size))
         drift, corrections, starts = (
@@ -172,20 +172,20 @@ class FixedStepper(ResumableStepper, TangentStepper, JumpingStepper):
         self._right = self._marched.compiled
 
     def set_breaks(self, times, t_end):
-        """Let the steps beside these times see jumps from their own side."""
+        """Let the steps next to these times evaluate f on their own side of a jump."""
         self._breaks = break_steps(times, self.t, t_end, self.steps, self.system.frame.start)
 
     def prepare(self, n_end):
-        """Make room for a march up to step `n_end`."""
+        """Allocate storage for a march up to step `n_end`."""
         refuse_late(self.system, self.steps.time(n_end))
         self._past.prepare(n_end)
         self.memory.prepare(n_end)
 
     def advance(self, stop, keep=True):
-        """Make steps towards step `stop`, as many as take a moment.
+        """Make some steps towards step `stop`, for about a tenth of a second.
 
-        Returns them as `StepPieces`, or None where none is made or kept. If the right-hand side
-        raises, the steps before that are made, and `trouble` says so.
+        Return them as `StepPieces`, or None if no step is made or `keep` is false. If the
+        right-hand side raises, the steps before the failure are made, and `trouble` says so.
         """
         n, d = self.n, self.system.n_solved
         n_more = min(int(stop) - n, self._steps_at_once())
@@ -206,7 +206,7 @@ class FixedStepper(ResumableStepper, TangentStepper, JumpingStepper):
         return StepPieces(times, rows[: made + 1], slopes[: made + 1], starting, n)
 
     def _steps_at_once(self):
-        """Return a number of steps, by the time of those before, or at first of one call of f."""
+        """Return the number of steps of one call, from the time of earlier steps or of one f."""
         system = self._marched
         if self._seconds == 0.0:
             began = time.perf_counter()
@@ -219,7 +219,7 @@ class FixedStepper(ResumableStepper, TangentStepper, JumpingStepper):
         return int(min(max(_SECONDS / self._seconds, 1), most))
 
     def _march_to(self, n_end, rows, slopes):
-        """March to step `n_end` and write rows (k, d) of the steps, or none for k = 0."""
+        """March to step `n_end`, and write the rows (k, d) of the steps; write none if k = 0."""
         self.prepare(n_end)
         first = self.n
         while self.n < n_end:
@@ -301,14 +301,14 @@ class FixedStepper(ResumableStepper, TangentStepper, JumpingStepper):
 
     @property
     def health(self):
-        """Whether steps are beyond their stability limit, and kernels keep the tolerance."""
+        """Whether steps exceed their stability limit, and whether kernels keep the tolerance."""
         status = self._instability()
         seen = (int(self._march.counts[name]) for name in ("zigzag", "growth"))
         remedy = status and remedy_of(self.system, self.scheme, self.h, self._watch, *seen)
         return Health(status, remedy or "", self._misfit)
 
     def _instability(self):
-        """Status of steps beyond their stability limit, else None."""
+        """Status of steps that exceed their stability limit, otherwise None."""
         if self.scheme.is_map:
             return None
         if self._march.counts["zigzag"] >= 0:
@@ -334,12 +334,12 @@ class FixedStepper(ResumableStepper, TangentStepper, JumpingStepper):
         }
 
     def checkpoint(self):
-        """Return copies of all that the march consists of, for `come_back` and `state`."""
+        """Return copies of everything that a step changes, for `come_back` and `state`."""
         march = tuple(plain(part).copy() for part in self._march)
         return march, self.memory.state(), (self._watch.largest, self._watch.step)
 
     def come_back(self, checkpoint):
-        """Come back to where `checkpoint` was taken."""
+        """Return to the step at which `checkpoint` was taken."""
         (counts, *parts), memory, watched = checkpoint
         march = March(record(MARCH_COUNTS, tuple(counts[0])), *(part.copy() for part in parts))
         monitor = records([tuple(row) for row in march.monitor], MONITOR)
@@ -351,7 +351,7 @@ class FixedStepper(ResumableStepper, TangentStepper, JumpingStepper):
         self._refactorise()
 
     def _refactorise(self):
-        """Factorise the matrix whose factors are in force, after the march went elsewhere."""
+        """Factorise the matrix in use again, after the march returned to another step."""
         if self._march.counts["kept"]:
             solver, tables = self._newton.solver, self._newton.tables
             room = np.empty(tables.order.size)
@@ -363,12 +363,12 @@ class FixedStepper(ResumableStepper, TangentStepper, JumpingStepper):
         return Stop(step, self.steps.time(step))
 
     def state(self):
-        """A `State` from which a later run goes on bit for bit."""
+        """Return a `State` from which a later run continues bit for bit."""
         how = replace(self.steps.until(self.n), span=self._span)
         return state_of(self, self.scheme, how, self.history)
 
     def restore(self, state, allow_change=False):
-        """Take over where `state` was taken, of another right-hand side where that is allowed."""
+        """Continue from `state`; `allow_change` admits another right-hand side or parameters."""
         changed = check_identity(state.identity, self.identity(state.t), allow_change)
         self.come_back(state.checkpoint)
         if changed:
@@ -376,7 +376,7 @@ class FixedStepper(ResumableStepper, TangentStepper, JumpingStepper):
             self._forget_explicit()
 
     def identity(self, t):
-        """Describe what a run to time t must share with one that resumes it."""
+        """Return the properties that a run to time t shares with a run that resumes it."""
         how = {"scheme": described(self.scheme), "history": described(self.history)}
         return identity(self.system, t, **how)
 
@@ -397,9 +397,9 @@ class FixedStepper(ResumableStepper, TangentStepper, JumpingStepper):
     def transform_tangent(self, matrix):
         """Replace the tangents by linear combinations, ``tangent <- tangent @ matrix``.
 
-        Everything that is linear in them goes along: initial values, increments, the block under
-        way, and all of the memory. So the combinations are what a march from the combined initial
-        directions would have given.
+        Everything that is linear in the tangents is combined: initial values, increments, the open
+        block and all of the memory. So the result is that of a march from the combined initial
+        directions.
 
         Parameters
         ----------
@@ -410,7 +410,7 @@ class FixedStepper(ResumableStepper, TangentStepper, JumpingStepper):
         transform_march(self._march, self.memory.arrays, *how)
 
     def grow(self, stop, schedule):
-        """Make steps as `advance` does; compiled code makes the tangents orthonormal on the way."""
+        """Make steps as `advance` does; compiled code makes the tangents orthonormal meanwhile."""
         schedule["lasting"] = self._lasting
         grown, march = [np.empty((0, 1 + self.n_tangents))], self._loop
         growth = Renormalisations(
@@ -429,7 +429,10 @@ class FixedStepper(ResumableStepper, TangentStepper, JumpingStepper):
         return Grown(piece, np.vstack(grown), self._status == LOST)
 
     def parts(self):
-        """Every array of the march and its memory that is linear in the solution; not copies."""
+        """Return every array of the march and its memory that is linear in the solution.
+
+        These are not copies.
+        """
         march = self._march
         others = {id(part) for part in (march.counts, march.monitor, march.newton)}
         return [*(part for part in march if id(part) not in others), *self.memory.arrays]
@@ -449,16 +452,16 @@ class FixedStepper(ResumableStepper, TangentStepper, JumpingStepper):
             refuse("events and changes", required, f"a change with {acting[0]}")
 
     def set_y(self, y):
-        """Let y jump to these values, (d,), here; the jump does not enter the memory."""
+        """Let y jump to these values, (d,), at the present time; no memory sees the jump."""
         self._march.x[: self.system.n_solved], self._jumped = y, True
         self._forget_explicit()
         self._renew_force()
 
     def _renew_force(self):
-        """Let the newest piece be f behind a jump of y, where pieces are values of f.
+        """Set the newest piece to f behind a jump of y, if pieces are values of f.
 
-        Of components of order 1 alone, whose last step keeps what it made of the old one. Where f
-        raises the march meets it again, and keeps what was computed.
+        Only components of order 1 are changed: for other orders the last step keeps f before the
+        jump. If f raises, the march meets the exception again, and keeps what was computed.
         """
         table, march, system = self._table, self._march, self._marched
         n, newest = table.n_orbit, self.n - 1
@@ -478,7 +481,7 @@ class FixedStepper(ResumableStepper, TangentStepper, JumpingStepper):
         ahead += table.weights[table.groups[:n], 2 : 2 + ahead.shape[1]] * jump[:, None]
 
     def _forget_explicit(self):
-        """Keep the next step from extrapolating f, which jumps (given/newton.py)."""
+        """Keep the next step from extrapolating f across a jump (given/newton.py)."""
         if self.scheme.solve == "imex":
             self._march.force[:] = np.nan
 
@@ -488,7 +491,7 @@ class FixedStepper(ResumableStepper, TangentStepper, JumpingStepper):
 
 
 def _renormalising(growth, grown, march, end):
-    """Enter the loop of renormalisations as the march itself is entered; add to `grown`."""
+    """Enter the loop of renormalisations, with the arguments of a march; append to `grown`."""
     rows = np.empty((end - march.work.output.first, 1 + growth.columns.shape[1]))
     try:
         return grow(march, growth._replace(grown=rows), end)

@@ -1,9 +1,9 @@
 """Growth of tangents: Benettin's loop (stepping/stepper.py) around a march on given steps.
 
-The d columns of the orbit come first, then d columns of each tangent. Phi are the values of the
-tangents, and their slopes for components whose initial derivative belongs to the data. The loop
-computes ``Phi = Q R`` now and then, and multiplies all that is linear in the tangents by the
-inverse of R.
+The first d columns are the orbit, the next d the first tangent, and so on. Phi has the values of
+the tangents, and their slopes for components whose initial derivative is given. At intervals the
+loop computes ``Phi = Q R``, and multiplies everything that is linear in the tangents by the inverse
+of R.
 """
 
 from typing import Annotated, Any, NamedTuple
@@ -79,7 +79,7 @@ def read_tangents(state, table, above, columns):
 
 @inner(allocates=True)
 def combine(array, d, matrix):
-    """Replace the columns of tangents by their combinations, rows of `array` (W, n)."""
+    """Replace the columns of tangents, rows of `array` (W, n), by linear combinations."""
     k, n = matrix.shape[0], array.shape[1]
     if k == 1:
         for c in range(d, 2 * d):
@@ -102,7 +102,7 @@ def combine(array, d, matrix):
 
 @inner
 def combine_tangents(state, memory, d, lasting, matrix):
-    """Replace all that is linear in the tangents by combinations of them, matrix (k, k)."""
+    """Combine everything that is linear in the tangents by a matrix (k, k)."""
     if state.counts.step > _FIRST_STEPS:
         # what is used in the first steps alone would grow without end as tangents decay
         forget(state.starts, d)
@@ -118,7 +118,7 @@ def combine_tangents(state, memory, d, lasting, matrix):
 
 @inner
 def forget(array, d):
-    """Clear what the columns behind the first d hold."""
+    """Set the columns behind the first d to 0."""
     for c in range(d, array.shape[0]):
         for i in range(array.shape[1]):
             array[c, i] = 0.0
@@ -126,15 +126,15 @@ def forget(array, d):
 
 @entry(MARCH_STATE, MEMORY, I8, I8, MAT)
 def transform_march(state, memory, d, lasting, matrix):
-    """Call `combine_tangents` between two entries into the march."""
+    """Call `combine_tangents` from Python, between two calls of the march."""
     combine_tangents(state, memory, d, lasting, matrix)
 
 
 class Renormalisations(NamedTuple):
-    """Functions and arrays of the renormalisations on the way of a march.
+    """Functions and arrays with which a march renormalises its tangents.
 
-    - above (.,): components whose slopes are among the data.
-    - columns (n_data, k): Phi; inverse (k, k): of R.
+    - above (.,): components whose initial slopes are given.
+    - columns (n_data, k): the matrix Phi; inverse (k, k): that of R.
     - grown (n, 1 + k): the step and the k logarithms of each renormalisation.
     """
 
@@ -151,7 +151,7 @@ class Renormalisations(NamedTuple):
     announced="the growth of tangents", allocates=False,
 )  # fmt: skip
 def grow(march, growth, end):
-    """March to step `end`, renormalising on the way; return how the march ended."""
+    """March to step `end` with renormalisations; return how the march ended."""
     m, schedule, columns, inverse = march.work, growth.schedule, growth.columns, growth.inverse
     state = m.state
     schedule["made"] = 0

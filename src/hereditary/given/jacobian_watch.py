@@ -21,7 +21,7 @@ class JacobianWatch:
     Parameters
     ----------
     region : StabilityRegion or None
-        Of the scheme's stability; None where every step is stable.
+        Stability region of the scheme; None if every step is stable.
     system : System
     block : int
         Steps in a block of the march.
@@ -33,9 +33,9 @@ class JacobianWatch:
     largest : float
         Largest ratio of an eigenvalue to its limit, of all Jacobians so far.
     step : int
-        Step near which it was found.
+        Step near which this ratio occurred.
     watches : bool
-        False for very many components whose entries are not known: no ratio is computed.
+        False for very many components without known entries, for which no ratio is computed.
     """
 
     def __init__(self, region, system, block):
@@ -47,7 +47,7 @@ class JacobianWatch:
         self.largest, self.step = 0.0, 0
 
     def room(self, n, n_end):
-        """Return room for the Jacobians of the steps from n to before n_end."""
+        """Return an array for the Jacobians of the steps from n to before n_end."""
         if self._region is None:
             return np.zeros((0, 0, 0))
         self._first = self._before(n)
@@ -57,7 +57,7 @@ class JacobianWatch:
         return np.tile(self._structure.entries, (count, 1, 1))
 
     def note(self, jacobians, n):
-        """Take in what the march up to step n left in the room."""
+        """Update the ratio by the Jacobians that the march up to step n has stored."""
         made = self._before(n) - self._first if self._region else 0
         if self._region is None or made == 0:
             return
@@ -77,8 +77,8 @@ class JacobianWatch:
 def remedy_of(system, scheme, h, watch, zigzag, growth):
     """Return a clause: what shows that steps h are unstable, and what to take instead.
 
-    `zigzag` is the step at which a step-to-step zigzag had lasted. `growth` is that at which turns
-    of a few steps each had grown. Both may be below 0, for none.
+    `zigzag` is the step at which an alternation from step to step was sustained. At step `growth`
+    the changes had grown from turn to turn. Each is below 0 if this did not happen.
     """
     found, start = [], system.frame.start
     if zigzag >= 0:

@@ -1,4 +1,4 @@
-"""Linear solvers of Newton's matrix, with their room."""
+"""Linear solvers of Newton's matrix, with their storage."""
 
 from typing import Any, NamedTuple
 
@@ -11,9 +11,9 @@ from ..compiled.signatures import SOLVER_SIG, LinearSolver
 
 
 class NewtonSetup(NamedTuple):
-    """Linear solver of Newton's method, its tables, and room for the matrices.
+    """Linear solver of Newton's method, its tables, and storage for the matrices.
 
-    held keeps alive what enters Python.
+    `held` are objects that must exist as long as compiled code may enter Python.
     """
 
     solver: Any
@@ -22,9 +22,10 @@ class NewtonSetup(NamedTuple):
     held: Any = None
 
     def taken_over(self, march):
-        """Return the room with the matrices that a restored march kept.
+        """Return the storage with the matrices of a restored march.
 
-        Where their entries are others, as of another equation, its factors are no longer in force.
+        If the entries differ, as those of another equation do, the stored factors are no longer
+        used.
         """
         kept, room = march.newton, self.room
         if kept.shape == room.shape and kept.shape[1] == kept.shape[2]:
@@ -40,9 +41,9 @@ class NewtonSetup(NamedTuple):
 def newton_of(structure, d, tangents, solve, exact):
     """Return `NewtonSetup` for d components of an orbit, with tangents or without.
 
-    `solve` is the scheme's; `exact` tells whether one iteration is enough. Newton's method solves
-    for few components by itself, and leaves their tangents to the solver. Room is empty where no
-    Jacobian is taken.
+    `solve` is that of the scheme. `exact` says whether one iteration suffices. Newton's method
+    solves systems of few components without the solver, which then serves their tangents alone.
+    Arrays are empty if no Jacobian is needed.
     """
     implicit = solve in ("newton", "imex")
     slots = 1 + int(tangents)

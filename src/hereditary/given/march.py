@@ -1,19 +1,19 @@
 """The march on given steps: one source, compiled apart for each way of solving a step.
 
 Here ``x_(n+1) = x_n + shift + w_n``, with shift = x'(0) times the step's length where the pieces
-leave it out. Every step is opened, which gives what is known of it, solved for w_n,
+leave it out. Every step is opened, which computes its known part. It is then solved for w_n,
 
     scale w_n + near p_(n-1) + lag_n + lead forcing = lead f(t, x_n + theta (shift + w_n)),
 
-and closed: the piece p_n, which is w_n or the value of f, is spread over the steps ahead in its
-block. The history adds what is older than a block. The explicit step, theta = 0 and scale = 1, is
-solved for ``w_n - w_(n-1)``. So rounding stays at 1e-13 where x_(n+1) - 2 x_n + x_(n-1) would lose
-it.
+and closed: the piece p_n, which is w_n or the value of f, is added to the lags of later steps of
+its block. The history adds pieces older than a block. The explicit step, theta = 0 and scale = 1,
+is solved for ``w_n - w_(n-1)``. So rounding stays at 1e-13 where x_(n+1) - 2 x_n + x_(n-1) would
+lose it.
 
-Memory that f reads stands in columns behind those with an equation. They take the increments of
-their sources, so what these columns know of a step is the derivative: ``scale w_n + ... = lead
-D^gamma x``. It is read at the step's own time, or, in an explicit step, left for the next one. All
-arithmetic hangs on absolute step numbers, so a march does not depend on where it was interrupted.
+Memory that f reads has columns behind those with an equation. They use the increments of their
+sources, so the known part of such a column is the derivative: ``scale w_n + ... = lead D^gamma x``.
+It is read at the time of the step, or, in an explicit step, stored for the next one. All arithmetic
+depends on absolute step numbers, so interruptions do not change a march.
 """
 
 from ..compiled.jit import I8, as_value, entry
@@ -153,7 +153,7 @@ MARCHES = {
 
 
 def march_of(work, way):
-    """Return the march of some work that solves a step in this way, with the functions it needs."""
+    """Return the march of these arrays, which solves steps in this way, with its functions."""
     tangents = work.state.x.size > work.table.n_orbit
     solve = solve_tangents if tangents and way == "newton" else no_tangents_solved
     push = push_tangents if tangents else push_nothing

@@ -1,7 +1,6 @@
-"""The stepper of an ensemble: one member after the other, with what they have in common made once.
+"""Stepper of an ensemble: one member after the other; what members share is computed once.
 
-Members differ in parameters and initial values. Weights, modes and stability limits are theirs in
-common.
+Members differ in parameters and initial values. They share weights, modes and stability limits.
 """
 
 from contextlib import suppress
@@ -22,12 +21,12 @@ class MemberStepper(FixedStepper):
     y0 : ndarray, shape (E, m, d)
         Initial values of each member.
     plan : Plan, optional
-        What another such stepper has as `plan`.
+        The attribute `plan` of another `MemberStepper`.
 
     Attributes
     ----------
     plan : Plan or None
-        The scheme's plan of all members side by side; None if each needs a plan for itself.
+        The plan of the scheme for all members side by side; None if each needs a separate plan.
     """
 
     def __init__(self, system, scheme, history, steps, n_steps, params, y0, plan=None):
@@ -38,7 +37,7 @@ class MemberStepper(FixedStepper):
                 self.plan = self._plan_of_all()
 
     def _plan_of_all(self):
-        """Return the scheme's plan of all members side by side."""
+        """Return the plan of the scheme for all members side by side."""
         members = zip(self._y0, self._params, strict=True)
         systems = [self._inside(displaced(self.system, *member)) for member in members]
         return self._planned(side_by_side(systems))

@@ -1,6 +1,6 @@
-"""Solution of one implicit step, with the linear solver that a march is handed.
+"""Solution of one implicit step, with the linear solver that the march has chosen.
 
-By Newton's method, or at once where only a constant matrix is taken implicitly.
+Newton's method solves it. If only a constant matrix is implicit, one linear system suffices.
 """
 
 import numpy as np
@@ -56,11 +56,11 @@ _STALLED = 0.5
 
 @inner
 def solve_step(march, t):
-    """Solve ``scale w + known = lead f(t, base + gain w)`` for w, and so for tangents.
+    """Solve ``scale w + known = lead f(t, base + gain w)`` for w, and then for tangents.
 
-    The first n_solved components have an equation; f reads all, at the w of their sources. The
-    Jacobian and the factors of an earlier step are kept while they contract (counts.kept). Return
-    False if the iteration does not converge; count the calls of `rhs`.
+    The first n_solved components have an equation. f reads all components, each with the w of its
+    source. The Jacobian and the factors of an earlier step are kept while the iteration contracts
+    (counts.kept). Return False if it does not converge; count the calls of `rhs`.
     """
     # state.newton (2, ., .), or (3, ., .) with tangents: Jacobian, Newton's matrix, that of the
     # tangents
@@ -151,7 +151,7 @@ def is_finite(f, d):
 
 @inner
 def step_back(m, t):
-    """Take back half of the last change of w until f is finite; return whether it is.
+    """Halve the last change of w until f is finite; return whether f is finite.
 
     If it never is, the change is replaced by that of functional iteration. Next to an edge where
     the slope of f is infinite Newton's method may point out of the domain.
@@ -176,9 +176,9 @@ def step_back(m, t):
 
 @inner
 def set_matrix(m, out):
-    """Set the derivative of ``scale w - lead f(t, base + gain w)`` by w, of J as dense or sparse.
+    """Set the derivative of ``scale w - lead f(t, base + gain w)`` by w, dense or sparse as J is.
 
-    J is in newton[0]. Components beyond d have no equation: their w is left as it is.
+    J is in newton[0]. Components beyond d have no equation, and their w does not change.
     """
     room, j_f, sources = m.room, m.state.newton[0], m.table.sources
     n, d, gain, scale, lead = m.table.n_orbit, m.table.n_solved, room.gain, room.scale, room.lead
@@ -220,17 +220,17 @@ def within_rounding(m, residual):
 
 @plug_in
 def no_tangents_solved(m, t):
-    """Do nothing, where there are no tangents or they need no equations solved."""
+    """Do nothing: stands for `solve_tangents` if there is nothing to solve."""
     return True
 
 
 @plug_in
 def solve_tangents(m, t):
-    """Solve ``scale w + known = lead (J (base + gain w) + df / dp)`` for every tangent's w.
+    """Solve ``scale w + known = lead (J (base + gain w) + df / dp)`` for w of every tangent.
 
-    df / dp is 0 for the tangents that are no derivatives by a parameter. J is the Jacobian where
-    the orbit's own w, which is given, solves the step. Return False if the equations are singular;
-    count the calls of `rhs`.
+    df / dp is 0 for tangents that are not derivatives by a parameter. J is the Jacobian at the
+    orbit, whose w is given and solves the step. Return False if the equations are singular; count
+    the calls of `rhs`.
     """
     right, room, n, d, work = m.right, m.room, m.table.n_orbit, m.table.n_solved, m.state.newton
     base, w, lead, known, change = room.base, room.w, room.lead, room.known, room.moved[:n]
@@ -254,7 +254,7 @@ def solve_tangents(m, t):
 
 @inner
 def guess(m, p, ratio):
-    """Set w to a first guess: with f as it was, or the increment before."""
+    """Set w to a first guess: the increment before, or, if pieces are values of f, with the last f."""
     lead, known, w, force, pieces = (
         m.room.lead,
         m.room.known,
@@ -276,10 +276,10 @@ _ASIDE = 1e-9
 def solve_linearly(m, t, i):
     """Solve ``scale w + known = lead (A (base + gain w) + g)`` for w.
 
-    ``g = f + theta ratio (f - f_before)`` extrapolates f = rhs - A y from t_n and the step before
-    to t, with theta and the lengths' ratio of row i. A is the Jacobian, which is constant. `force`
-    (d,) is f of the step before, NaN where that is another function. Returns False where the matrix
-    is singular.
+    ``g = f + theta ratio (f - f_before)`` extrapolates f = rhs - A y to t, from t_n and the step
+    before. Row i has theta and the ratio of both steps. A is the Jacobian, which is constant.
+    `force` (d,) is f of the step before, and NaN if that was another function. Return False if the
+    matrix is singular.
     """
     # state.newton (2, ., .): A, and the matrix whose factors are kept
     user, room, rows, counts, work = m.right.user, m.room, m.rows, m.state.counts, m.state.newton
@@ -310,7 +310,7 @@ def solve_linearly(m, t, i):
 
 @inner
 def differs(i, rows):
-    """Return whether row i has other coefficients than the row before."""
+    """Return whether row i has other coefficients than row i - 1."""
     if i == 0 or rows.theta[i] != rows.theta[i - 1]:
         return True
     for a in range(rows.lead.shape[0]):

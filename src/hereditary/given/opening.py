@@ -30,7 +30,7 @@ def given_steps(system, scheme, t_end, state=None, *, n_steps=None, mesh=False, 
 
 
 def _uniform_steps(system, t_end, n_steps, state):
-    """Return uniform steps to t_end: as many as are asked for, or more of those of a state."""
+    """Return uniform steps to t_end, with n_steps given or with the step of a state."""
     origin = system.frame.start
     if state is None:
         if n_steps is None:
@@ -75,7 +75,7 @@ def open_members(system, scheme, history, how, *members):
 
 
 def _prepared(stepper, n):
-    """Return a stepper with room for a march to step n, or refuse more than there is."""
+    """Return a stepper with storage for a march to step n, or refuse more than can be allocated."""
     try:
         stepper.prepare(n)
     except (MemoryError, OverflowError) as error:

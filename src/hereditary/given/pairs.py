@@ -9,9 +9,9 @@ from ..stepping.stepper import TangentStepper
 class Pairs(TangentStepper):
     """Orbits side by side as one stepper, whose tangents are distances from the first one.
 
-    So no derivative is needed. A change of the tangents draws the whole histories of the others
-    back; of the right-hand side's values only the differences are rescaled. All else is that of
-    the first orbit.
+    So no derivative is needed. `transform_tangent` rescales the differences of the other orbits
+    from the first one: those of the solution, of the memory and of values of f. All other
+    properties are those of the first orbit.
 
     Parameters
     ----------
@@ -20,7 +20,7 @@ class Pairs(TangentStepper):
     system : System
     directions : ndarray, shape (n_data, k)
     separation : float
-        Distance that the orbits are drawn back to: the unit of the tangents.
+        Distance from the first orbit at which the others start: the unit of the tangents.
     """
 
     def __init__(self, opened, system, directions, separation):
@@ -39,7 +39,7 @@ class Pairs(TangentStepper):
         return self._orbit.stop_at(t)
 
     def advance(self, stop, keep=True):
-        """March some way towards `stop`; return the solution of the first orbit if it is kept."""
+        """March some way towards `stop`; return dense output of the first orbit if it is kept."""
         piece = self._orbit.advance(stop, keep)
         for other in self._others:
             while other.position < self._orbit.position and not other.trouble:
@@ -54,31 +54,34 @@ class Pairs(TangentStepper):
 
     @property
     def trouble(self):
-        """Trouble of the first orbit that has any, otherwise None."""
+        """Why the first orbit that cannot go on has stopped, otherwise None."""
         return next((stepper.trouble for stepper in self._all if stepper.trouble), None)
 
     def stats(self):
-        """Return those of the first orbit, and all calls of the right-hand side."""
+        """Return the counts of the first orbit, but the calls of f of all orbits."""
         n_rhs = sum(stepper.stats()["n_rhs"] for stepper in self._all)
         return self._orbit.stats() | {"n_rhs": n_rhs}
 
     def checkpoint(self):
-        """Return those of all orbits."""
+        """Return the checkpoints of all orbits."""
         return tuple(stepper.checkpoint() for stepper in self._all)
 
     def come_back(self, checkpoint):
-        """Let all orbits come back."""
+        """Return all orbits to the step at which `checkpoint` was taken."""
         for stepper, own in zip(self._all, checkpoint, strict=True):
             stepper.come_back(own)
 
     @property
     def tangent(self):
-        """Distances of the other orbits, and of their y' for orders above 1, (n_data, k)."""
+        """Differences of the other orbits from the first, over the separation, (n_data, k).
+
+        These are differences of y, and of y' for orders above 1.
+        """
         first, *others = (np.append(each.y, each.ydot[self.system.second]) for each in self._all)
         return (np.array(others) - first).T / self._separation
 
     def transform_tangent(self, matrix):
-        """Replace the distances, with all memory, by ``tangent @ matrix``."""
+        """Replace the differences, and those of all memory, by ``tangent @ matrix``."""
         for first, *others in zip(*(stepper.parts() for stepper in self._all), strict=True):
             drawn = np.tensordot(matrix.T, np.array(others) - first, axes=1)
             for array, difference in zip(others, drawn, strict=True):

@@ -1,7 +1,7 @@
-"""The past, summed by modes or directly.
+"""Functions with which histories sum the past, by modes or directly.
 
 On uniform steps a history works in blocks, and all steps have one row of weights. On meshes, and if
-orders vary, a block is one step, and tables have a row for each of `rows` steps from number
+orders vary, a block is one step. Then tables have a row for each of `rows` steps, from step number
 `first` on.
 """
 
@@ -18,17 +18,16 @@ LANES = 4
 
 @compiled
 def exchange_nothing(lag, pieces, n, groups, tables, memory):
-    """Do nothing: the history of an equation with classical terms only."""
+    """Do nothing: the history of an equation with classical terms alone."""
 
 
 @compiled
 def exchange_modes(lag, pieces, n, groups, tables, memory):
-    """Take the finished block's pieces in and add the lag of all of them to the next block.
+    """Absorb the pieces of the finished block, and add the lag of all pieces to the next block.
 
-    A mode of rate s holds ``Z = sum_k q**(k_newest - k) u_k`` with q = exp(-s h). The memory of a
-    block's worth of steps ahead is one product of mode amplitudes with a table of powers of q.
-    Where a scheme's first weights are no sum of exponentials, a window of the newest pieces adds
-    what lacks.
+    A mode of rate s is ``Z = sum_k q**(k_newest - k) u_k`` with q = exp(-s h). The lags of a whole
+    block are one product of mode amplitudes with a table of powers of q. If the first weights of a
+    scheme are no sum of exponentials, a window of the newest pieces adds the difference.
     """
     # lag (W, B), pieces (W, B + 1); memory: modes (W, M), of each start value (W, V M), and the
     #   newest pieces (W, L)
@@ -66,7 +65,7 @@ def exchange_modes(lag, pieces, n, groups, tables, memory):
 
 @compiled
 def exchange_rows(lag, pieces, n, groups, tables, memory):
-    """Take u_(n-2) into the modes, and add to the lag what they give at step n."""
+    """Absorb u_(n-2) into the modes, and add their sum at step n to the lag."""
     # lag (W, 1), pieces (W, 2); tables: keep, take (R, M), weights (C R, M); memory: modes (W, M)
     if n < 2:
         return
@@ -82,7 +81,7 @@ def exchange_rows(lag, pieces, n, groups, tables, memory):
 
 @inner
 def slide(window, pieces):
-    """Move the newest pieces into the window's end."""
+    """Move the newest pieces to the end of the window."""
     length, more = window.shape[0], pieces.shape[0]
     for k in range(length - more):
         window[k] = window[k + more]
@@ -92,7 +91,7 @@ def slide(window, pieces):
 
 @inner
 def add_corrections(lag, window, corrections):
-    """Add what the weights of the window's pieces differ by from their exponential sums."""
+    """Add the pieces of the window, times the weights minus their exponential sums."""
     # window[L - 1] is u_(n-2): k = 2 for the first step of the block
     length = window.shape[0]
     for k in range(length):
@@ -103,13 +102,13 @@ def add_corrections(lag, window, corrections):
 
 @compiled
 def exchange_direct(lag, pieces, n, groups, tables, memory):
-    """Store the finished block's pieces, and add ``sum_m W_(n+i-m) u_m`` to the next block."""
+    """Store the pieces of the finished block, and add ``sum_m W_(n+i-m) u_m`` to the next block."""
     add_direct(lag, pieces, n, groups, tables, memory)
 
 
 @compiled
 def exchange_pending(lag, pieces, n, groups, tables, memory):
-    """Sum directly over the present batch only, and add the rest from `pending`."""
+    """Sum over the present batch directly, and add the other sums from `pending`."""
     # memory: pieces, start values, pending (W, capacity)
     pending = memory.pending
     add_direct(lag, pieces, n, groups, tables, memory)
@@ -120,7 +119,7 @@ def exchange_pending(lag, pieces, n, groups, tables, memory):
 
 @inner
 def two_sum(total, lost, term):
-    """Return total + term, and what rounding has lost so far (Knuth)."""
+    """Return total + term, and the sum of its rounding errors so far (Knuth)."""
     new = total + term
     part = new - total
     return new, lost + ((total - (new - part)) + (term - part))
@@ -128,12 +127,12 @@ def two_sum(total, lost, term):
 
 @inner(allocates=True)
 def add_direct(lag, pieces, n, groups, tables, memory):
-    """Store the finished block's pieces, and sum those stored: all, or those of this batch.
+    """Store the pieces of the finished block, and sum all stored pieces or those of this batch.
 
-    The sums are compensated by Knuth's two-sum. Being the reference, they must not lose digits as
-    they grow longer. Nor must they where a term exceeds the sum so far, as increments of an
-    oscillation do (Kahan's rule would). All of it runs along the block, so the loop is still
-    vectorised.
+    Knuth's two-sum compensates the sums. They are the reference, so they must not lose digits as
+    they grow longer. They must not lose digits either where a term exceeds the sum so far, as
+    increments of an oscillation do; Kahan's rule would. All sums run along the block, so the loop
+    is still vectorised.
     """
     # lag (W, B), pieces (W, B + 1); tables: weights (C R, > n + B), start weights (V C, > n + B)
     # memory: pieces (W, capacity) with u_m at m + 1, start values (W, V)
@@ -200,10 +199,10 @@ def set_amplitudes(scale, from_moments, decays, own):
 
 @inner(fuses=True)
 def read_rows(lag, pieces, n, groups, tables, memory):
-    """Take u_(n-2) into the modes, and set the lag to what they give at step n.
+    """Absorb u_(n-2) into the modes, and set the lag to their sum at step n.
 
-    On the grid of rates exp(h j) a kernel's amplitudes are a geometric sequence for any order. So
-    their sum is a polynomial in its ratio. Horner's rule is applied to the four quarters of the
+    On the grid of rates exp(h j) the amplitudes of a kernel are a geometric sequence for any order.
+    So their sum is a polynomial in its ratio. Horner's rule is applied to the four quarters of the
     modes in parallel, then to every fourth of the rest. So no product waits long for another, and
     no weight is stored.
     """

@@ -55,8 +55,8 @@ class Convolution:
     """Sum that a history makes on a uniform mesh: ``lag_n = sum_k W_k u_(n-k)``, k >= 2.
 
     The weights are sums ``W_k = sum_j factor_j rule_j(p_j)_k``, with a list of (factor, rule, p)
-    for each group of columns. Start values have lists of their own: the lists of all groups for the
-    first value, then those for the next. Their weights are sums of exponentials from k = 2 on.
+    for each group of columns. Start values have separate lists: those of all groups for the first
+    value, then those for the next. Their weights are sums of exponentials from k = 2 on.
 
     Attributes
     ----------
@@ -78,32 +78,32 @@ class Convolution:
         return n + 2**62, None
 
     def check(self, history):
-        """Refuse a history that does not take the kernels."""
+        """Refuse a history that does not accept these kernels."""
         if self.kernels() and not history.takes_kernels:
             required = "be another one if terms have kernels other than Caputo's"
             refuse("history", required, repr(history), "use SumOfExponentials, FFT or Direct")
 
     @property
     def n_starts(self):
-        """Start values of each column."""
+        """Number of start values of each column."""
         return len(self.start_groups) // len(self.groups)
 
     def exponents(self):
-        """Return exponents of power-law kernels that occur."""
+        """Return the exponents of all power-law kernels."""
         return tuple(sorted(key for key in self._keys() if isinstance(key, float)))
 
     def kernels(self):
-        """Return the other kernels, each as a `StepKernel`."""
+        """Return all kernels that are not power laws, each as a `StepKernel`."""
         return tuple(key for key in self._keys() if not isinstance(key, float))
 
     def _keys(self):
-        """List the results of `WeightRule.exponent`, each once, in order."""
+        """Return the different results of `WeightRule.exponent`, in order."""
         lists = self.groups + self.start_groups
         found = [rule.exponent(p) for terms in lists for _, rule, p in terms]
         return [key for key in dict.fromkeys(found) if key is not None]
 
     def has_memory(self):
-        """Return whether there are weights beyond k = 1 at all."""
+        """Return whether any weight beyond k = 1 differs from 0."""
         return bool(self._keys()) or self.first_modal > 3
 
     def exact(self, n):
@@ -114,10 +114,10 @@ class Convolution:
         )
 
     def modal(self, rates, weights, k, k_start):
-        """Return shares of W_k for each of M rates, (C, M), and of the start weights, (V C, M).
+        """Return the shares of W_k of M rates, (C, M), and those of the start weights, (V C, M).
 
-        The latter are at `k_start`. `weights` maps a kernel's exponent, or its `StepKernel`, to the
-        weights (M,) of its exponential sum.
+        The shares of start weights are those at `k_start`. `weights` maps the exponent of a kernel,
+        or its `StepKernel`, to the weights (M,) of its exponential sum.
         """
 
         def share(terms, at):
@@ -193,9 +193,10 @@ class Plan:
 
 
 def distinct_columns(system):
-    """Group columns by their terms and by whether they are memory that f reads.
+    """Group columns by their terms, and by whether they are memory that f reads.
 
-    As `System.distinct`; the first of the results lists terms and this truth value.
+    The results are those of `System.distinct`. The first one lists terms and whether the column is
+    memory.
     """
     distinct, groups = system.distinct
     keys = [(distinct[a], bool(read)) for a, read in zip(groups, system.read, strict=True)]

@@ -1,8 +1,8 @@
 """Initial values in Riemann-Liouville terms: ``y(0) t**-gamma / Gamma(1-gamma)`` on given steps.
 
-This term is infinite at 0 and never sampled there. Samples at the times of the steps would have
-errors of order 1 - gamma. The first samples are corrected, so that their sums tend to the integrals
-of ``t**-gamma``, ``t**(1-gamma)``, ... as fast as the scheme converges (Euler-Maclaurin formula).
+This term is infinite at 0, where it is not sampled. Samples at the times of steps would have errors
+of order 1 - gamma. The first samples are corrected, so that their sums converge to the integrals of
+``t**-gamma``, ``t**(1-gamma)``, ... as fast as the scheme (Euler-Maclaurin formula).
 """
 
 from dataclasses import replace
@@ -16,7 +16,7 @@ from ..kernels.special import hurwitz_zeta
 
 
 def with_initial_values(plan, system, order):
-    """Return the plan of a scheme of this order with the initial values of such terms."""
+    """Return the plan of a scheme of this order, with initial values of Riemann-Liouville terms."""
     terms = [(op, c) for op, c in system.left if op.from_zero and op.constant]
     if not (terms and plan.rows.shared):  # rows of their own hold them
         return plan
@@ -49,10 +49,11 @@ def with_initial_values(plan, system, order):
 
 @lru_cache(maxsize=64)
 def first_samples(gamma, theta, n):
-    """Return what is added to the first n samples of ``t**-gamma``, in units of the step, (n,).
+    """Return the corrections of the first n samples of ``t**-gamma``, in units of the step, (n,).
 
-    Samples are taken at k + theta, k >= 0, but not at 0. The sums of all, times powers
-    of k + theta below the n-th, then are the integrals in the sense of ``zeta(gamma - j, theta)``.
+    Samples are taken at k + theta, k >= 0, but not at 0. With the corrections, sums of samples
+    times powers of k + theta below the n-th are the integrals in the sense of ``zeta(gamma - j,
+    theta)``.
     """
     places = np.arange(n) + theta
     lacking = [-hurwitz_zeta(gamma - j, theta or 1.0) for j in range(n)]

@@ -1,10 +1,10 @@
-"""Plans of steps that have weights of their own: on a mesh, and where orders vary.
+"""Plans of steps with separate weights: on a mesh, and if orders vary.
 
 A piece of the solution on [t_j, t_(j+1)] has the slope ``mean + lean (s - middle)``. Seen from t it
-contributes ``mean m_0 + lean m_1`` with the moments of the kernel ``p T**(p-1)``, T = t - s:
-``m_0 = int p T**(p-1) dT`` and ``m_1 = int p T**(p-1) (middle - T) dT``. Above order 1 the velocity
-is a line between the middles of two steps, and its slope takes the place of the mean. Where an
-order varies, all weights of a step are those of the order at which its right-hand side is taken.
+contributes ``mean m_0 + lean m_1`` with the moments of the kernel ``p T**(p-1)``, T = t - s: ``m_0
+= int p T**(p-1) dT`` and ``m_1 = int p T**(p-1) (middle - T) dT``. Above order 1 the velocity is a
+line between the middles of two steps, and its slope takes the place of the mean. If an order
+varies, all weights of a step are those of the order at the time of its right-hand side.
 """
 
 from __future__ import annotations
@@ -64,7 +64,7 @@ def moments(low, width, p, bent=True):
 
 
 def _tilt(z, average, decay):
-    """Return ``int_0^1 (1/2 - v) exp(-z v) dv``, from the mean of the exponential and its end."""
+    """Return ``int_0^1 (1/2 - v) exp(-z v) dv``, from the mean and the end of the exponential."""
     square, series = np.minimum(z, 0.5) ** 2, np.zeros_like(z)
     for k in range(5, -1, -1):  # leaves 1e-17 below z = 0.5
         series *= square
@@ -74,9 +74,10 @@ def _tilt(z, average, decay):
 
 
 class _Uniform:
-    """Places of uniform steps; distances are counted, not differences of times.
+    """Times and distances of uniform steps; distances are counted, not computed from times.
 
-    First derivatives are seen at ``theta`` of a step, and the right-hand side is taken at `offset`.
+    First derivatives are those at the fraction `theta` of a step. The right-hand side is evaluated
+    at the fraction `offset`.
     """
 
     mesh: ClassVar = None
@@ -85,27 +86,27 @@ class _Uniform:
         self.h, self._theta, self._offset = h, theta, offset
 
     def rows(self, n):
-        """Return coefficients of steps n, (R,), that no term changes."""
+        """Return the coefficients of steps n, (R,), that do not depend on the terms."""
         ones = np.ones(n.size)
         unit, theta = self.h * ones, self._offset * ones
         return {"times": np.zeros(0), "theta": theta, "unit": unit, "length": unit, "ratio": ones}
 
     def times(self, n):
-        """Return times at which the right-hand sides of steps n are taken."""
+        """Return the times of the right-hand sides of steps n."""
         return (n + self._offset) * self.h
 
     def first_sample(self, gamma):
-        """Return the integral of ``t**-gamma`` over the first step less its sample there."""
+        """Return the integral of ``t**-gamma`` over the first step minus its sample there."""
         return self.h**-gamma * first_samples(gamma, self._offset, 1)[0]
 
     def intervals(self, n, size, order):
-        """Return the places of increments; see `_Mesh.intervals`."""
+        """Return the intervals of increments; see `_Mesh.intervals`."""
         k, h = np.arange(float(size))[None], self.h
         far, width = np.maximum(k - 1 + self._theta, 0.0), np.where(k == 0, self._theta, 1.0)
         return np.ones((1, size)), h * far, h * width, h * k, h, h, 0.0
 
     def decays(self, rates, kinds, n):
-        """Return factors as `_Mesh.decays`: steps share one row, terms have the same modes."""
+        """Return factors as `_Mesh.decays` does: steps share a row, and terms the modes."""
         z = rates * self.h
         mean, keep = mean_exponential(z), np.exp(-z)
         seen = mean * np.exp(-z * (1 + self._theta)), mean * keep * np.expm1(-z) / self.h
@@ -113,7 +114,7 @@ class _Uniform:
 
 
 class _Mesh:
-    """Places of the steps of a mesh, and of the parabolas on them."""
+    """Times and distances of the steps of a mesh, and of the parabolas on them."""
 
     def __init__(self, times, theta, parabolas):
         steps, self._parabolas = np.diff(times), parabolas
@@ -130,17 +131,17 @@ class _Mesh:
         self._between = 0.5 * (steps + np.append(steps[0], steps[:-1]))
 
     def rows(self, n):
-        """Return coefficients of steps n, (R,), that no term changes."""
+        """Return the coefficients of steps n, (R,), that do not depend on the terms."""
         times, theta, unit = self.mesh[n], self._theta[n], self._steps[n]
         ratio = self._ratios[n]
         return {"times": times, "theta": theta, "unit": unit, "length": unit, "ratio": ratio}
 
     def times(self, n):
-        """Return times at which the right-hand sides of steps n are taken."""
+        """Return the times of the right-hand sides of steps n."""
         return self._seen[n]
 
     def first_sample(self, gamma):
-        """Return the mean of ``t**-gamma`` over the first step less its sample there."""
+        """Return the mean of ``t**-gamma`` over the first step minus its sample there."""
         return self._steps[0] ** -gamma * (1 / (1 - gamma) - self._theta[0] ** -gamma)
 
     def intervals(self, n, size, order):
@@ -200,14 +201,14 @@ class _Mesh:
 
 
 class RowSums:
-    """Sums over pieces of the solution, weighed anew at each step.
+    """Sums over pieces of the solution, with separate weights for each step.
 
     Parameters
     ----------
     system : System
     steps : _Uniform or _Mesh
     parabolas : int
-        0 for lines, 1 for parabolas on all steps of a mesh but the newest, 2 on that too.
+        0 for lines, 1 for parabolas on all steps of a mesh but the newest, 2 on all.
     explicit : bool
         Whether the right-hand side is taken where the step begins, and the march solves for changes
         of increments.
@@ -275,7 +276,7 @@ class RowSums:
         return min(last, n_end), self.rows
 
     def _sampled(self, n):
-        """p of each operator at steps n, how many of these are good, and what then goes wrong."""
+        """Return p of each operator at steps n, how many are valid, and what is wrong next."""
         times, found, n_good, trouble = self.steps.times(n), {}, n.size, ""
         for operator in self._operators:
             found[operator], reason = operator.powers(times[:n_good])
@@ -284,9 +285,9 @@ class RowSums:
         return found, n_good, trouble
 
     def _fill(self, n):
-        """Work out the coefficients of steps n; return how many of them are good.
+        """Compute the coefficients of steps n; return how many of them are valid.
 
-        Steps beyond the run's end are given what the last step before it has.
+        Steps beyond the end of the run get the coefficients of the last step before it.
         """
         first, n = int(n[0]), np.minimum(n, self._n_end - 1)
         powers, n_good, self._trouble = self._sampled(n)
@@ -334,9 +335,9 @@ class RowSums:
         return (found * lead).reshape(len(found) * len(lead), n.size)
 
     def _initial(self, n, gamma, first):
-        """Return ``t**-gamma / Gamma(1-gamma)`` of each step, not at 0, corrected in step `first`.
+        """Return ``t**-gamma / Gamma(1-gamma)`` of each step but at 0, corrected in step `first`.
 
-        An explicit step of order above 1 is given the first increment.
+        The first increment is given for an explicit step of order above 1.
         """
         times, first = self.steps.times(n), first - int(n[0])
         values = np.where(times > 0, times, np.inf) ** -gamma
@@ -352,7 +353,7 @@ class RowSums:
         return self._weights(np.arange(first, last), k_end, first - self.rows.first)
 
     def direct(self, first, last, k_end):
-        """Return `weights` over the leading weight."""
+        """Return `weights` divided by the leading weight."""
         lead = self.rows.lead[:, first - self.rows.first : last - self.rows.first]
         return self.weights(first, last, k_end) * lead[..., None]
 
@@ -391,15 +392,15 @@ class RowSums:
         return self.steps.decays(rates, kinds, np.minimum(np.arange(first, last), self._n_end - 1))
 
     def has_memory(self) -> bool:
-        """Return whether there are weights beyond k = 1 at all."""
+        """Return whether any weight beyond k = 1 differs from 0."""
         return not all(operator.classical for operator in self._operators)
 
     def exact(self, n):
-        """Return no weights inside a block, which is of one step."""
+        """Return no weights: a block is one step, and has none inside."""
         return (np.zeros((len(self.terms), 0)),) * 2
 
     def check(self, history):
-        """Refuse a history that does not take what the steps are."""
+        """Refuse a history that does not accept such steps."""
         if self.varies and not history.takes_varying:
             refuse("history", "be Direct or SumOfExponentials if orders vary", repr(history))
         if self.steps.mesh is not None and not history.takes_meshes:
@@ -425,7 +426,7 @@ def mesh_plan(scheme, system, times, theta, parabolas):
 
 
 def _plan(system, sums, first, **more):
-    """Make a plan with these sums and the length of the first step."""
+    """Return a plan with these sums and the length of the first step."""
     for operator, _ in system.left:
         if operator.kernel is not None:
             required = "be Caputo operators on a mesh, and on given steps if an order varies"

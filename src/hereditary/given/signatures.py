@@ -19,7 +19,7 @@ _EMPTY = np.zeros((1, 0))
 
 
 class Tables(NamedTuple):
-    """Tables of a memory; a history sets those that it reads (given/past.py).
+    """Tables of a memory; each history sets the tables that it reads (given/past.py).
 
     - first, rows: the first step with its own rows, and the number of rows of each group.
     - length: the number of pieces, of modes of one kind, or of real rates.
@@ -222,9 +222,9 @@ class March(NamedTuple):
 
 
 class MarchOutput(NamedTuple):
-    """Room for a row of each step from `first` on, or none: y and its slopes (k, d).
+    """Arrays for the row of each step from `first` on, y and its slopes (k, d), or none.
 
-    It also has room for Jacobians (n, d, d) of these steps.
+    There may also be an array for Jacobians (n, d, d) of these steps.
     """
 
     rows: Matrix

@@ -48,7 +48,7 @@ class Direct(History):
 
 
 class _Pieces(OpenHistory):
-    """All pieces ever absorbed, in arrays that grow by doubling."""
+    """All pieces since the start, in arrays that grow by doubling."""
 
     def __init__(self, past, n_columns, n_block):
         self._past, self._n_block = past, n_block
@@ -70,13 +70,13 @@ class _Pieces(OpenHistory):
 
 
 class _PiecesByRows(_Pieces):
-    """Pieces that each step weighs again."""
+    """All pieces since the start, with separate weights for each step."""
 
     def _tabulate(self, n):
-        """Leave it to `reach`."""
+        """Do nothing: `reach` computes the weights."""
 
     def reach(self, n, pieces, groups):
-        """Work out the weights of steps from n on."""
+        """Compute the weights of the steps from n on."""
         first, end = self.tables.first, self.tables.first + self.tables.rows
         if not (first <= n < end and self.tables.weights.size):
             size = min(_ROWS, max(1, _NUMBERS // (n + 1)))

@@ -1,8 +1,8 @@
-"""Sum of exponentials: the past as some fifty decaying modes, O(1) a step.
+"""Sum of exponentials: the past as about fifty decaying modes, O(1) for each step.
 
 On a uniform mesh the weights W_k, k >= 2, of all terms of an equation are sums over one bank of
 rates s_i. They are ``W_k = sum_i V_i q_i**(k-2)`` with q_i = exp(-s_i h). The modes ``Z_i = sum_m
-q_i**(n-2-m) u_m`` then hold all there is to know about the past.
+q_i**(n-2-m) u_m`` then contain the whole past.
 """
 
 import math
@@ -113,7 +113,7 @@ class SumOfExponentials(History):
         return _Modes(tables, arrays, blocks, n - pad, covered, errors)
 
     def _covered(self, enough, kernels, n_steps):
-        """Return how many steps a bank covers: only the run's for fitted kernels."""
+        """Return how many steps a bank covers: with fitted kernels those of the run alone."""
         asked = max(n_steps, 1)
         if any(kernel.kernel.by_values for kernel in kernels):
             return asked
@@ -130,7 +130,7 @@ class SumOfExponentials(History):
 
 
 class _Tabulated(NamedTuple):
-    """Tables of `exchange_modes`, block weights, modes of the padding, and the kernels' errors."""
+    """Tables of `exchange_modes`, block weights, padding modes, and errors of the kernels."""
 
     tables: Tables
     blocks: tuple
@@ -139,7 +139,7 @@ class _Tabulated(NamedTuple):
 
 
 def _tabulated(convolution, covered, tol, n_block):
-    """Work out the tables of a convolution over so many steps, for blocks of `n_block` steps."""
+    """Compute the tables of a convolution over `covered` steps, for blocks of `n_block` steps."""
     exponents, kernels, tol = convolution.exponents(), convolution.kernels(), float(tol)
     fits = [kernel.exponentials(covered, tol) for kernel in kernels]
     sums = [fit_unit(exponents, covered, tol), *fits]
@@ -172,17 +172,17 @@ _kept = lru_cache(maxsize=64)(_tabulated)
 
 
 class _RowModes(OpenHistory):
-    """Modes that each step changes and weighs anew; subclasses say with which rates and weights."""
+    """Modes with separate factors and weights for each step; subclasses choose the rates."""
 
     _exchange: ClassVar[Callable]
 
     @abstractmethod
     def _bank(self) -> tuple[np.ndarray, int]:
-        """Return rates in units of the nearest distance, and how many are counted as modes."""
+        """Return rates in units of 1 / nearest distance, and how many of them count as modes."""
 
     @abstractmethod
     def _weighed(self, seen: np.ndarray, here: slice) -> dict:
-        """Return the tables that weigh modes in rows `here` of the past, as factors read them."""
+        """Return the weights of modes in rows `here` of the past, with factors `seen`."""
 
     def __init__(self, past, n_columns, covered, tol):
         self._past, self._covered, self._tol, self._rows = past, covered, tol, past.rows
@@ -207,7 +207,7 @@ class _RowModes(OpenHistory):
         super().__init__(self._exchange, tables, arrays, *past.exact(0))
 
     def reach(self, n, pieces, groups):
-        """Work out what modes keep and take, and how they are weighed, in steps from n on."""
+        """Compute decay, input and weights of the modes in the steps from n on."""
         end, rows = self._past.reach(n)
         first = n // self.tables.rows * self.tables.rows
         last = min(first + self.tables.rows, rows.first + rows.theta.size)
@@ -219,7 +219,7 @@ class _RowModes(OpenHistory):
         return min(end, last)
 
     def prepare(self, n_end):
-        """Refuse steps that the modes do not reach."""
+        """Refuse steps beyond those that the modes cover."""
         times, covered = self._past.steps.mesh, self._covered
         if times is None:
             return _refuse_beyond(covered, n_end)
@@ -260,7 +260,7 @@ class _FittedModes(_RowModes):
 
 
 class _ModesOfAllOrders(_RowModes):
-    """Modes for every order, which the march reads by itself (`read_rows`)."""
+    """Modes for all orders, whose weights the march computes (`read_rows`)."""
 
     _exchange = staticmethod(exchange_nothing)
 
@@ -276,7 +276,7 @@ class _ModesOfAllOrders(_RowModes):
         return np.maximum(np.append(grid, rates[-SLOW_NODES:]), SMALLEST), rates.size
 
     def _weighed(self, seen, here):
-        """Set amplitudes of ``c p t**(p-1) / Gamma(p + 1)`` in units of the nearest distance."""
+        """Return amplitudes of ``c p t**(p-1) / Gamma(p + 1)`` in units of the nearest distance."""
         shape = *self.tables.derivatives.shape, STARTS, self.tables.rows
         if not self.tables.amplitudes.size:
             self.tables = self.tables._replace(
@@ -298,7 +298,7 @@ class _ModesOfAllOrders(_RowModes):
 
 
 class _Modes(OpenHistory):
-    """Modes driven by the pieces, undriven ones for the start values, and a window."""
+    """Modes that absorb pieces, modes of start values that absorb none, and the newest pieces."""
 
     def __init__(self, tables, arrays, blocks, n_modes, covered, kernel_errors):
         super().__init__(exchange_modes, tables, arrays, *blocks)
@@ -306,7 +306,7 @@ class _Modes(OpenHistory):
         self._covered = covered
 
     def prepare(self, n_end):
-        """Refuse steps that the exponential sum does not reach."""
+        """Refuse steps beyond those that the exponential sum covers."""
         _refuse_beyond(self._covered, n_end)
 
 

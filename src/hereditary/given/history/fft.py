@@ -51,7 +51,7 @@ class FFT(History):
 
 
 class _Pending(OpenHistory):
-    """All pieces, and the sums that pieces of finished batches add to later steps."""
+    """All pieces, and sums of pieces of finished batches for later steps."""
 
     def __init__(self, convolution, n_columns, n_block):
         self._convolution = convolution
@@ -96,5 +96,5 @@ class _Pending(OpenHistory):
 
 
 def _grown(array, n):
-    """Return an array of at least n columns, the new ones 0."""
+    """Return an array of at least n columns; new columns are 0."""
     return np.pad(array, ((0, 0), (0, max(0, n - array.shape[1]))))

@@ -34,9 +34,9 @@ class OpenHistory(ABC):
     exchange : compiled function
         Of signature `EXCHANGE_SIG`, compiled/signatures.py.
     tables : Tables
-        Tables that it reads.
+        Tables that `exchange` reads.
     arrays : Held
-        Arrays that it changes; the march sets `starts`.
+        Arrays that `exchange` changes; the march sets `starts`.
     block_weights : ndarray, shape (C, B + 2)
         The weights W_k as this history sees them, k = 2 .. B + 1, for the sums inside a block: with
         them a result does not depend on where blocks begin.
@@ -57,32 +57,32 @@ class OpenHistory(ABC):
 
     @abstractmethod
     def prepare(self, n_end: int) -> None:
-        """Make room for a march up to step `n_end`; raise ValueError where there is none."""
+        """Allocate storage for a march up to step `n_end`; raise ValueError if that fails."""
 
     def reach(self, n: int, pieces: np.ndarray, groups: np.ndarray) -> int:
-        """Make the tables ready for step n; return the step up to which a march may go.
+        """Compute the tables of step n; return the step up to which the march may continue.
 
-        `pieces` (W, B + 1) are those of the block that ended at step n, not yet exchanged,
-        `groups` (W,) the group of each column.
+        `pieces` (W, B + 1) are those of the block that ended at step n, not yet exchanged, `groups`
+        (W,) the group of each column.
         """
         return n + 2**62
 
     @property
     def nbytes(self):
-        """Bytes of the memory itself, tables not counted."""
+        """Bytes of the memory, without its tables."""
         return sum(array.nbytes for array in self.arrays)
 
     def clear(self) -> None:
-        """Forget everything."""
+        """Set the memory to that of a start."""
         for array in self.arrays:
             array[...] = 0.0
 
     def state(self) -> tuple[np.ndarray, ...]:
-        """Return the contents as a tuple of independent arrays."""
+        """Return the contents of the memory as a tuple of copies."""
         return tuple(array.copy() for array in self.arrays)
 
     def restore(self, state) -> None:
-        """Take the contents from what `state` returned."""
+        """Set the contents of the memory to those that `state` returned."""
         self.arrays = Held(*(np.ascontiguousarray(array, dtype=float).copy() for array in state))
 
 
@@ -94,7 +94,7 @@ class NoMemory(OpenHistory):
         super().__init__(*none, block_weights, block_start_weights)
 
     def prepare(self, n_end: int) -> None:
-        """Do nothing: all lengths are covered."""
+        """Do nothing: runs of any length need no storage."""
 
 
 class History(ABC):

@@ -72,7 +72,7 @@ def _exponent(alpha):
 
 
 def _step_share(alpha, rates):
-    """Share of ``t**(alpha-1) - (t-1)**(alpha-1)`` at t = 1 of a mode of the kernel's sum."""
+    """Return the share of a mode in ``t**(alpha-1) - (t-1)**(alpha-1)`` at t = 1."""
     if alpha < 1:
         return alpha * (alpha + 1) * np.expm1(-rates)
     return alpha * (alpha + 1) * (alpha - 1) * mean_exponential(rates)
@@ -94,7 +94,7 @@ FIRST_VALUE = WeightRule(start_weights, _exponent, _modal_start)
 
 
 def _plan(system, h, corrections):
-    """Make the plan in integral form."""
+    """Return the plan in integral form."""
     weighed, start = (partial(_weighed, h=h, rule=rule) for rule in (HATS, FIRST_VALUE))
     how = {"integral": True, "first_modal": 3, "sweeps": corrections, "slowest": QUICK}
     plan = uniform_plan(system, h, 1.0, weighed, starts=[(start, 0.0)], **how)
@@ -102,7 +102,7 @@ def _plan(system, h, corrections):
 
 
 def _weighed(c, operator, h, rule):
-    """Return weights of values of f, which have the negative sign on the left side."""
+    """Return the weights of values of f, which are negative on the left side."""
     return -(h**operator.order) * rgamma(operator.order + 2) / c, rule, operator.order
 
 
@@ -190,7 +190,7 @@ class Adams(Scheme):
         return min(2.0, 1 + gains * alpha)
 
     def plan(self, system: System, h: float) -> Plan:
-        """Make tables and convolution for `system` with step h."""
+        """Return tables and convolution for `system` with step h."""
         return _plan(system, h, self.corrections)
 
 
@@ -234,5 +234,5 @@ class ProductTrapezoid(Scheme):
         return 2.0 if smoothness == "smooth" else min(2.0, 1 + alpha)
 
     def plan(self, system: System, h: float) -> Plan:
-        """Make tables and convolution for `system` with step h."""
+        """Return tables and convolution for `system` with step h."""
         return _plan(system, h, 0)

@@ -93,7 +93,7 @@ class BDF(Scheme):
         return float(self.formula)
 
     def plan(self, system: System, h: float) -> Plan:
-        """Make tables and convolution for `system` with step h."""
+        """Return tables and convolution for `system` with step h."""
         p = self.formula
         corrections, drift = _start_corrections(system, h, p), _formed_drift(system, h, p)
         if drift is not None:
@@ -113,7 +113,7 @@ class BDF(Scheme):
 
 
 def weighed_by_power(c, operator, h, rule):
-    """Return the factor, rule and order of c times an operator."""
+    """Return the factor, the weight rule and the order of c times an operator."""
     return c * h**-operator.order, rule, operator.order
 
 
@@ -147,8 +147,8 @@ def _modal(p, alpha, rates, weights, k):
     """Return shares of W_k, the integral of its generating function along its cut.
 
     ``W_k = sin(pi alpha)/pi int exp(-k s) |delta(e**s)|**alpha / (e**s - 1) ds`` over the rates
-    below the first zero of delta(e**s), and no faster than what is left of them at `_FIRST_MODAL`:
-    exp(-45) = 3e-20. Faster ones would only cancel against the exact first weights.
+    below the first zero of delta(e**s). Rates that have decayed at `_FIRST_MODAL`, to exp(-45) =
+    3e-20, are left out: they would only cancel against the exact first weights.
     """
     shares = np.zeros_like(rates)
     x = -np.expm1(np.minimum(rates, 50.0))  # 1 - e**s
@@ -170,8 +170,8 @@ _N_LATE = 3
 def _formed_drift(system, h, p):
     """Return the error of the formula for t y'(0) in the terms of order below 1.
 
-    These go with ``t**(1-gamma)``, of which the sums for the rest would leave order 2 - gamma. The
-    first values (k, d), and the amplitudes and powers of what is left later (r, d); None without
+    These terms have parts ``t**(1-gamma)``, for which the sums alone have order 2 - gamma. Return
+    the first values (k, d), and the amplitudes and powers of the later error (r, d); None without
     such terms.
     """
     above = system.above
@@ -195,7 +195,7 @@ def _formed_drift(system, h, p):
 
 @lru_cache(maxsize=64)
 def drift_defect(p, gamma):
-    """Return the formula's derivative of t of order gamma less the exact one, steps of 1.
+    """Return the derivative of order gamma of t by the formula minus the exact one, for steps of 1.
 
     The start-corrected samples of t, ``n + b_n`` with the b of `start_coefficients`, have the
     generating function ``delta**-2`` up to ``(1-z)**p``. So the formula gives ``q_n = sum_k W_k (1
@@ -205,7 +205,7 @@ def drift_defect(p, gamma):
     Returns
     -------
     early : ndarray, shape (_N_EARLY,)
-        The difference at n = 1, 2, .. less its expansion.
+        The difference at n = 1, 2, .. minus its expansion.
     late : ndarray, shape (_N_LATE,)
         Coefficients of the expansion.
     """
@@ -256,9 +256,9 @@ def _real_power(a, exponent):
 def _start_corrections(system, h, p):
     """Return corrections of the right-hand side in the first p - 1 steps, shape (p-1, d).
 
-    ``a_n phi(0) + sum_(l=1)^(p-2) b_(l,n) h**l phi^(l)(0)`` with phi(t) = f(t, x(0) + t x'(0)) less
-    the derivatives of order 1 of t x'(0). Its own derivatives are by differences over the first p
-    values. Memory that f reads stays as it is at 0 there.
+    They are ``a_n phi(0) + sum_(l=1)^(p-2) b_(l,n) h**l phi^(l)(0)`` with phi(t) = f(t, x(0) + t
+    x'(0)) minus the derivatives of order 1 of t x'(0). Derivatives of phi are differences over the
+    first p values. In phi, memory that f reads is that at 0.
     """
     if p == 1:
         return np.zeros((0, system.d))
@@ -281,7 +281,7 @@ def _start_corrections(system, h, p):
 def start_coefficients(p, order):
     """Return b_(l,n), n = 1 .. p-1, for l = order (a_n for l = 0).
 
-    They make ``delta(z)**(l+1) (sum_n n**l z**n / l! + sum_n b_n z**n) = 1 + O((1-z)**p)``: then
+    They satisfy ``delta(z)**(l+1) (sum_n n**l z**n / l! + sum_n b_n z**n) = 1 + O((1-z)**p)``. Then
     the formula integrates t**l / l! with its full order. In x = 1 - z both sides are polynomials.
     """
     x = np.polynomial.Polynomial([0.0, 1.0])

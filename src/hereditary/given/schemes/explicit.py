@@ -131,7 +131,7 @@ class ExplicitCaputo(Scheme):
         return limits[groups]
 
     def plan(self, system: System, h: float) -> Plan:
-        """Make tables and convolution for `system` with step h."""
+        """Return tables and convolution for `system` with step h."""
         if system.varies:
             return varying_plan(system, h, 1.0, explicit=True)
         second = system.highest_orders() > 1

@@ -88,7 +88,7 @@ class GrunwaldLetnikov(Scheme):
 
     @property
     def is_map(self) -> bool:
-        """Whether its steps are the equation itself."""
+        """Whether the steps of the scheme are the equation, a map, and no approximation."""
         return self.map
 
     def order(self, alpha: float, smoothness: str = "smooth") -> float:
@@ -140,7 +140,7 @@ class GrunwaldLetnikov(Scheme):
         return np.array(limits)[groups]
 
     def plan(self, system: System, h: float) -> Plan:
-        """Make tables and convolution for `system` with step h."""
+        """Return tables and convolution for `system` with step h."""
         starts: list = [(None, 0.0)]
         if system.m == 2:  # the second start value of a march is there from the first step on
             start = np.where(system.highest_orders() > 1, h * system.y0[1], 0.0)
@@ -164,9 +164,10 @@ def _modal(alpha, rates, weights, k):
 
 
 def _speed(alpha, n):
-    """Return weights of h x'(0): -S_k above order 1, and W_0 more for k = 0.
+    """Return the weights of h x'(0): -S_k above order 1, plus W_0 for k = 0.
 
-    The march takes h x'(0) for the increment before its first step, which it solves for a change.
+    The march takes h x'(0) as the increment before its first step, and solves for the change of
+    that increment.
     """
     sums = -_SERIES.exact(alpha - 1, n) if alpha > 1 else np.zeros(n)
     sums[:1] += 1.0

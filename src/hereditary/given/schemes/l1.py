@@ -87,7 +87,7 @@ class L1(Scheme):
         return 2 - alpha if smoothness == "smooth" else 1.0
 
     def plan(self, system: System, h: float) -> Plan:
-        """Make tables and convolution for `system` with step h."""
+        """Return tables and convolution for `system` with step h."""
         theta = 0.5 if system.highest_orders().max() > 1 else 1.0
         if system.varies:
             return varying_plan(system, h, theta, explicit=False)
@@ -107,13 +107,13 @@ class L1(Scheme):
         return uniform_plan(system, h, theta, terms, starts=starts, whole=whole)
 
     def mesh_plan(self, system: System, times: np.ndarray) -> Plan:
-        """Make the plan on a mesh; above order 1 velocities are lines between middles of steps."""
+        """Return the plan on a mesh; above order 1 velocities are lines between midpoints."""
         theta = 0.5 if system.highest_orders().max() > 1 else 1.0
         return mesh_plan(self, system, times, theta, 0)
 
 
 def _speed_weights(c, operator, h):
-    """Return weights of h y'(0), the start of the differences of velocities."""
+    """Return the weights of h y'(0), which is the velocity before the first difference."""
     return by_rule(-c, operator, h, FIRST_DIFFERENCES) if operator.derivative == 2 else None
 
 

@@ -14,7 +14,7 @@ from ...equation.terms import ConstantOrder, SystemTerm
 
 
 def reduce_order(system: System, coefficient: float, beta: float) -> System:
-    """Return the system of (x, w), 2 d components, for one with the only term c D^beta."""
+    """Return the system of (x, w), 2 d components, for a system with the single term c D^beta."""
     d = system.d
     y0 = np.hstack([system.y0, np.zeros((2, d))])
     structure = system.structure and system.structure.with_velocities()
