@@ -25,9 +25,10 @@ _FIRST_STEPS = 8
 
 @inner
 def triangle(columns, inverse):
-    """Set the inverse (k, k) of R in ``columns = Q R``, its diagonal above 0; columns become Q.
+    """Set `inverse` (k, k) to that of R in ``columns = Q R``; columns become Q.
 
-    Returns whether there is one: columns (n, k) are finite and independent.
+    The diagonal of R is positive. Return whether the inverse exists: columns (n, k) are finite and
+    independent.
     """
     n, k = columns.shape
     for j in range(k):

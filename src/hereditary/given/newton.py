@@ -254,7 +254,7 @@ def solve_tangents(m, t):
 
 @inner
 def guess(m, p, ratio):
-    """Set w to a first guess: the increment before, or, if pieces are values of f, with the last f."""
+    """Set w to a first guess: the increment before, or w with the last f."""
     lead, known, w, force, pieces = (
         m.room.lead,
         m.room.known,

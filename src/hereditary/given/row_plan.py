@@ -318,7 +318,7 @@ class RowSums:
         )
 
     def _drift(self, n, lead):
-        """Return factors of x'(0), not in increments, and of x(0) in Riemann-Liouville terms."""
+        """Return factors of x'(0), without increments, and of x(0) in Riemann-Liouville terms."""
         if not (self._above or self.from_zero):
             return np.zeros((len(lead), 0))
         found = np.zeros((1 + self.from_zero, *lead.shape))
@@ -358,7 +358,7 @@ class RowSums:
         return self.weights(first, last, k_end) * lead[..., None]
 
     def _weights(self, n, k_end, at, order="C"):
-        """Return `weights` at steps n with orders from row `at` on, from arrays of this order."""
+        """Return `weights` at steps n with orders of rows from `at` on, in arrays of this order."""
         bent = self._parabolas > 0
         shape = n.size, k_end + bent
         there, far, width, behind, between, steps, slopes = self.steps.intervals(n, shape[1], order)
