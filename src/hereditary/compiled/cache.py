@@ -20,9 +20,10 @@ _MADE_FOR = "made_for.json"
 
 
 class Target(NamedTuple):
-    """Target of machine code: numba's version, and the system and processor as LLVM names them.
+    """The machine that code is compiled for.
 
-    `features` are those of the processor, such as "+avx2,-avx512f".
+    `numba` is a version. `system` and `processor` are LLVM's names. `features` are those of the
+    processor, such as "+avx2,-avx512f".
     """
 
     numba: str
@@ -31,10 +32,10 @@ class Target(NamedTuple):
     features: str
 
     def fits(self, host):
-        """Return whether code that is made for this target runs on a host, which is a target too.
+        """Return whether code compiled for this target runs on a host, which is a target too.
 
-        Versions of numba that differ in the last number alone run each other's code. A processor
-        that the user chose must be that of the code.
+        Versions of numba that differ in the last number alone accept each other's code. If the user
+        has chosen a processor, the code must be for that processor.
         """
         needed = {name for name in self.features.split(",") if name.startswith("+")}
         return (
@@ -51,7 +52,7 @@ def _target_here():
 
 
 def note_target(folder):
-    """Note in a folder of machine code, which this process has made, what it is made for."""
+    """Write into a folder of machine code, compiled in this process, what target it is for."""
     Path(folder, _MADE_FOR).write_text(json.dumps(_target_here()._asdict(), indent=1))
 
 
@@ -67,9 +68,9 @@ def _shipped_for():
 
 @cache
 def _digest(room):
-    """Return a digest of the files of a room that compile, as they are at the first call.
+    """Return a digest of the files of a room that are compiled, as they are at the first call.
 
-    All files of `compiled` count as such.
+    All files of `compiled` are included.
     """
     found, package = hashlib.sha256(), Path(__file__).parents[1]
     for path in sorted([*package.glob(f"{room}.py"), *package.glob(f"{room}/**/*.py")]):
@@ -154,7 +155,7 @@ class CodeCache:
 
     @cached_property
     def _entries(self):
-        """Open the entries on disk; None if there is no place for them."""
+        """Open the entries on disk; return None if the cache has no folder."""
         try:
             return Entries(self._fun, self._options, self._stamp) if self._stored else None
         except (RuntimeError, OSError, AttributeError) as error:

@@ -1,4 +1,4 @@
-"""Functions at addresses: C functions that enter Python, with their exceptions, and LAPACK's."""
+"""Calls by address: C functions that enter Python and pass on exceptions, and LAPACK."""
 
 import ctypes
 import threading
@@ -24,12 +24,12 @@ class PythonRaised(Exception):
 
 
 def keep_raised(error):
-    """Remember an exception for the `PythonRaised` that compiled code raises."""
+    """Store an exception, for the `PythonRaised` that compiled code will raise."""
     _raised.error = error
 
 
 def original(error):
-    """Return the exception that a user's function raised."""
+    """Return the exception of the user's function behind `error`."""
     vars(_raised).clear()
     return error.__cause__ if isinstance(error, PythonRaised) else error
 
@@ -72,7 +72,7 @@ def call_lapack(typing_context, address, arguments):
 
 
 def lapack_address(name):
-    """Return the address of a function of LAPACK; 0 where Python runs the source of functions."""
+    """Return the address of a function of LAPACK; 0 if compilation is off."""
     if config.DISABLE_JIT:
         return 0
     return get_cython_function_address("scipy.linalg.cython_lapack", name)

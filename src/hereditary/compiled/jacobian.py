@@ -32,7 +32,7 @@ def is_sparse(j_f, n):
 
 @inner
 def finite_between(d, up, down):
-    """Return whether the differences of d values are finite."""
+    """Return whether both sets of d values, from which differences are formed, are finite."""
     finite = True
     for i in range(d):
         finite = finite and abs(up[i] - down[i]) < np.inf
@@ -41,9 +41,9 @@ def finite_between(d, up, down):
 
 @inner(allocates=True)
 def extend(rhs, t, y, params, up, down):
-    """Continue f by a straight line to the side of y where it is not finite.
+    """If f is infinite on one side of y, replace it there by linear extrapolation.
 
-    up, down (>= d,) are its values at equal distances from y (d,).
+    up, down (>= d,) are values of f at equal distances from y (d,).
     """
     middle = np.empty(y.shape[0])
     rhs(t, y, middle, params)
@@ -80,12 +80,12 @@ def magnitudes(j_f, x, out):
 
 @compiled
 def no_jacobian(t, y, out, params):
-    """Do nothing, in place of a Jacobian."""
+    """Do nothing: stands for a Jacobian that is not given."""
 
 
 @plug_in
 def given_jacobian(functions, t, y, units, out):
-    """Set the Jacobian that the user gives."""
+    """Set the Jacobian by the function of the user."""
     functions.jac(t, y, out, functions.params)
     return 0
 
@@ -94,7 +94,7 @@ def given_jacobian(functions, t, y, units, out):
 def dense_jacobian(functions, t, y, units, out):
     """Set a dense Jacobian by central differences; return the number of calls of `rhs`.
 
-    They are one-sided where f is finite on one side alone.
+    Differences are one-sided if f is finite on one side alone.
     """
     rhs, params, d, calls = functions.rhs, functions.params, y.shape[0], 2 * y.shape[0]
     up, down, shifted = np.empty(d), np.empty(d), np.empty(d)
@@ -119,9 +119,9 @@ def dense_jacobian(functions, t, y, units, out):
 
 @plug_in
 def sparse_jacobian(functions, t, y, units, out):
-    """Set the entries of a sparse Jacobian by differences, one group of columns after the other.
+    """Set the entries of a sparse Jacobian by differences, one group of columns at a time.
 
-    Returns the number of calls of `rhs`.
+    Return the number of calls of `rhs`.
     """
     rhs, params = functions.rhs, functions.params
     up, down, shifted = np.empty(y.shape[0]), np.empty(y.shape[0]), np.empty(y.shape[0])
@@ -178,7 +178,7 @@ def add_derivative_by(k, functions, t, y, out):
 
 
 def right_side(rhs, jac, params, sparse, by_params=0):
-    """Return the `RightSide` of compiled functions; without a Jacobian it is by differences."""
+    """Return the `RightSide` of compiled functions, with differences if no Jacobian is given."""
     by_differences = sparse_jacobian if sparse else dense_jacobian
     how = as_value(by_differences if jac is None else given_jacobian, JACOBIAN_SIG)
     jac = as_value(no_jacobian, JAC_SIG) if jac is None else jac
@@ -187,13 +187,13 @@ def right_side(rhs, jac, params, sparse, by_params=0):
 
 @entry(RIGHT_SIDE, F8, VEC, VEC, MAT)
 def jacobian_at(right, t, y, units, out):
-    """Set the Jacobian at (t, y), for one call from Python."""
+    """Set the Jacobian at (t, y); this is the entry for Python."""
     right.jacobian(right.user, t, y, units, out)
 
 
 @entry(RIGHT_SIDE, F8, VEC, MAT)
 def derivatives_by_parameters(right, t, y, out):
-    """Set the derivatives of f by the first parameters, out (p, d), for one call from Python."""
+    """Set the derivatives of f by the first parameters, out (p, d); the entry for Python."""
     out[:] = 0.0
     for k in range(out.shape[0]):
         add_derivative_by(k, right.user, t, y, out[k])

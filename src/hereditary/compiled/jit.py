@@ -175,7 +175,7 @@ def inner(fun=None, *, allocates=False, fuses=False, reorders=False):
 
 
 def _refuse_arrays(result):
-    """Refuse a function that counts no references and returns an array, which callers release."""
+    """Refuse a function without reference counts that returns an array, which callers release."""
     returned: list[Any] = [result.signature.return_type]
     for kind in returned:  # which grows
         if isinstance(kind, types.BaseTuple):
@@ -196,7 +196,7 @@ def _counting(allocates):
 
 
 def as_value(fun, signature):
-    """Compile a function for its only signature, to be a field of a record."""
+    """Compile a function for the only signature of a field of a record."""
     known = getattr(fun, "of_signature", None)
     if config.DISABLE_JIT or known is signature or known == signature:  # a comparison takes 2 us
         return fun
@@ -212,7 +212,7 @@ def as_value(fun, signature):
 
 
 def loop_value(loop, signature):
-    """Return an `entry` as a value that is a field of a record."""
+    """Return an `entry` as a function value, for a field of a record."""
     if config.DISABLE_JIT:
         return loop
     loop.compiled()
@@ -224,10 +224,10 @@ def _as_argument(value, kind):
 
 
 class entry:
-    """Decorator of a top-level loop: compiled for `argtypes` at the first call, then locked.
+    """Decorate a top-level loop: it is compiled for `argtypes` at the first call, and then locked.
 
-    `announced` names one whose compilation takes seconds. In a loop that makes no arrays numba
-    counts no references, which takes a fifth of its steps.
+    `announced` is the name of a loop whose compilation takes seconds. In loops that make no arrays
+    numba counts no references, which would take a fifth of the time of a step.
     """
 
     def __init__(self, *argtypes, announced=None, allocates=True):

@@ -1,4 +1,4 @@
-"""Dense linear algebra for compiled code: elimination by loops, from some size on by LAPACK."""
+"""Dense linear algebra for compiled code: elimination by loops, by LAPACK if large."""
 
 import importlib
 
@@ -61,9 +61,9 @@ _ALONE = 2e5
 
 @inner
 def solve_in_place(a, b):
-    """Solve a x = b by elimination with partial pivoting; x replaces b, a is used up.
+    """Solve a x = b by elimination with partial pivoting; x replaces b, and a is overwritten.
 
-    Returns False where a pivot vanishes or is not finite.
+    Return False if a pivot is 0 or not finite.
     """
     # a (d, d), b (d,)
     d = b.shape[0]
@@ -92,9 +92,9 @@ def solve_in_place(a, b):
 
 @inner
 def factorise(a, order):
-    """Factorise a in place, LU with partial pivoting; `order` gets the order of rows.
+    """Factorise a in place, LU with partial pivoting; set `order` to the order of rows.
 
-    Returns False where a pivot vanishes or is not finite.
+    Return False if a pivot is 0 or not finite.
     """
     # a (n, n), order (n,)
     n = a.shape[0]
@@ -117,7 +117,7 @@ def factorise(a, order):
 
 @inner
 def factorise_columns(a, order, first, last):
-    """Factorise some columns of a, exchanging whole rows; False without a pivot that is finite."""
+    """Factorise some columns of a, exchanging whole rows; False if a pivot is 0 or not finite."""
     n = a.shape[0]
     for j in range(first, last):
         pivot = j
@@ -140,7 +140,7 @@ def factorise_columns(a, order, first, last):
 
 @inner
 def subtract_rows(a, first, last):
-    """Subtract from all later rows their multiples of _PANEL rows, at once: fewer are stored."""
+    """Subtract multiples of _PANEL rows from all later rows at once, to store these less often."""
     b, c, d, e = a[first, last:], a[first + 1, last:], a[first + 2, last:], a[first + 3, last:]
     for i in range(last, a.shape[0]):
         row, of_b, of_c = a[i, last:], a[i, first], a[i, first + 1]
@@ -171,7 +171,7 @@ def factorise_large(a, order, lapack):
 
 
 def address_of_factors(n):
-    """Return the address for `factorise_large`; 0 for sizes that take less time without LAPACK."""
+    """Return the address for `factorise_large`; 0 for sizes that LAPACK does not make faster."""
     return lapack_address("dgetrf") if n >= _LAPACK else 0
 
 
@@ -185,9 +185,10 @@ def transpose(a):
 
 @inner(allocates=True)
 def product(a, b, out):
-    """Set out = a b, by blocks of rows for which BLAS uses no threads.
+    """Set out = a b, by blocks of rows so small that BLAS uses no threads.
 
-    They gain little here, and where other ones keep the cores they wait for milliseconds.
+    Threads gain little for these sizes. If other threads occupy the cores, BLAS waits for
+    milliseconds.
     """
     # a (m, k), b (k, n), out (m, n)
     rows = max(1, int(_ALONE / max(1, b.size)))
@@ -197,7 +198,7 @@ def product(a, b, out):
 
 @inner(allocates=True)
 def transposed_product(a, b, out):
-    """Set out = a^T b, as `product`."""
+    """Set out = a^T b, by blocks as `product` does."""
     # a (k, m), b (k, n), out (m, n)
     rows, part = max(1, int(_ALONE / max(1, out.size))), np.empty(out.shape)
     out[:] = 0.0
@@ -240,7 +241,7 @@ def substitute(factors, order, b, x):
 
 @compiled
 def no_solver(task, number, matrix, x, linear):
-    """Do nothing, in place of a solver."""
+    """Do nothing: stands for a linear solver that is not needed."""
     return 1
 
 
@@ -284,9 +285,9 @@ def add_rows(out, factors, rows):
 
 @inner
 def multiply_modes(modes, factors, n_real, out):
-    """Set out to modes times factors, in the order of kernels/mode_bank.py.
+    """Set out to modes times factors, with the order of modes of kernels/mode_bank.py.
 
-    These are real numbers, then the real and then the imaginary parts of complex ones.
+    First come the real numbers, then the real and then the imaginary parts of complex ones.
     """
     # all (M,); out may be one of the others
     for i in range(n_real):
@@ -306,7 +307,7 @@ _RESTARTS = 300
 
 
 def eigenvalues(matrix):
-    """Return eigenvalues of a matrix; of a very large one those of largest modulus."""
+    """Return the eigenvalues of a matrix; of a very large matrix only those of largest modulus."""
     if matrix.shape[0] <= _VERY_MANY:
         return np.linalg.eigvals(matrix if isinstance(matrix, np.ndarray) else matrix.toarray())
     arpack = importlib.import_module("scipy.sparse.linalg")  # whose import takes long

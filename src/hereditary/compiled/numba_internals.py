@@ -46,7 +46,7 @@ class Inner(_Dispatcher):
         return self.py_func(*args)
 
     def get_call_template(self, args, kws):
-        """Compile once for an argument, whatever constants callers give for it."""
+        """Compile once for the types of arguments, also if callers pass constants."""
         return super().get_call_template([*map(types.unliteral, args)], kws)
 
 
@@ -65,7 +65,7 @@ class _LinkedCompiler(_Compiler):
 
 
 class _LinkedLibrary(_Library):
-    """Code that is neither optimised as a whole nor made machine code, and has no environment."""
+    """Code that is not optimised as a whole, has no machine code and no environment."""
 
     codegen = SimpleNamespace(set_env=lambda name, environment: None)
 
@@ -84,7 +84,10 @@ class _LinkedLibrary(_Library):
 
 
 class Entries(_FunctionCache):
-    """Machine code of one function in the user's cache, of one stamp and one set of options."""
+    """Machine code of one function in the user's cache.
+
+    It is valid for one digest of sources, `stamp`, and one set of options.
+    """
 
     def __init__(self, fun, options, stamp):
         super().__init__(fun)
@@ -96,9 +99,9 @@ class Entries(_FunctionCache):
 
 
 class Shipped:
-    """Machine code of one function in a folder that is only read, made by `version` of numba.
+    """Machine code of one function in a read-only folder, made by `version` of numba.
 
-    `made_for` is what `processor` returned there.
+    `made_for` is what `processor` returned where the code was made.
     """
 
     def __init__(self, folder, fun, options, stamp, version, made_for):
@@ -125,7 +128,7 @@ def processor():
 
 
 def _name_of(fun):
-    """Return the name of a function's files, which no other function of the package has."""
+    """Return the name of the files of a function, unique in the package."""
     python = f"py{sys.version_info[0]}{sys.version_info[1]}{getattr(sys, 'abiflags', '')}"
     return re.sub("[<>]", "", f"{fun.__module__}.{fun.__qualname__}.{python}")
 
@@ -141,7 +144,7 @@ def _arguments(call):
 
 
 def _takes(owner, *calls):
-    """Return whether a class has methods of the given names and arguments."""
+    """Return whether a class has methods with the given names and arguments."""
     return all(
         [*inspect.signature(getattr(owner, name)).parameters][1:] == arguments
         for name, *arguments in map(str.split, calls)
@@ -179,7 +182,7 @@ def _stores():
 
 
 def _passes(probe):
-    """Return whether a probe passes; numba may have become anything."""
+    """Return whether a probe passes; any exception of numba counts as a failure."""
     try:
         return not config.DISABLE_JIT and probe()
     except Exception:
@@ -199,7 +202,7 @@ if not (config.DISABLE_JIT or (LINKED and STORED)):
 
 
 def keep(dispatcher, cache):
-    """Let a cache keep the compile results of a function."""
+    """Let a cache store the compile results of a function."""
     dispatcher._cache = cache
 
 
@@ -214,12 +217,12 @@ def stated_options(options):
 
 
 def without(*wrappers):
-    """Return options of numba.jit that leave wrappers out, which take time and 1 MB each."""
+    """Return options of numba.jit that omit wrappers, which take time and 1 MB each."""
     return {f"no_{name}_wrapper": True for name in wrappers if LINKED}
 
 
 def uncounted():
-    """Return options of numba.jit that count no references to arrays, which callers keep alive."""
+    """Return options of numba.jit without reference counts of arrays, which callers keep alive."""
     return {"_nrt": False} if LINKED else {}
 
 
@@ -232,7 +235,7 @@ def linked(fun, options):
 
 
 def set_environments(result):
-    """Tell the machine code of a compile result the environments of all that is linked into it."""
+    """Set, in the machine code of a compile result, the environments of all code linked into it."""
     for environment in result._find_referenced_environments() if LINKED else ():
         result.library.codegen.set_env(environment.env_name, environment)
 

@@ -16,7 +16,7 @@ def record(dtype, values=None, **fields):
 
 
 def records(values, dtype):
-    """Return an array of records; without a compiler their fields are attributes too.
+    """Return an array of records; without a compiler their fields are attributes as well.
 
     Fields of np.record take ten times as long to read by name.
     """

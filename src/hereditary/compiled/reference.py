@@ -126,7 +126,7 @@ def _call(context, builder, sig, args):
 
 @unbox(Reference)
 def _fill(typ, filled, c):
-    """Fill a record on the frame of the caller, with no references counted."""
+    """Fill a record on the frame of the caller, without counting references."""
     place = cgutils.alloca_once(c.builder, c.context.get_value_type(typ.record))
     record = c.pyapi.object_getattr_string(filled, "record")
     c.pyapi.decref(record)  # `filled` has it
@@ -158,7 +158,7 @@ def _fill_part(c, record, values, place):
 
 
 class Filled:
-    """A record whose fields have been checked, as compiled entries take it."""
+    """A record with checked fields, as compiled entries accept it."""
 
     def __init__(self, record, kind):
         if id(kind) not in _FORMS:
@@ -168,7 +168,7 @@ class Filled:
 
 
 def by_reference(record, kind):
-    """Return a NamedTuple as an entry takes it, whose argument has the type `kind`."""
+    """Return a NamedTuple as the argument of an entry, whose type is `kind`."""
     return record if config.DISABLE_JIT or isinstance(record, Filled) else Filled(record, kind)
 
 
@@ -177,10 +177,10 @@ _FORMS: dict[int, tuple[Reference, list[Any]]] = {}
 
 
 def _form(kind) -> list[Any]:
-    """List what `_check` needs of each field of a record: its name, its type, what it is like.
+    """List what `_check` compares for each field of a record: name, type and form.
 
-    That is an attribute and its value, or a dtype and the number of axes. Of numbers it is None and
-    their classes, of a part of the record `_form` and its form.
+    The form is an attribute and its value, or a dtype and the number of axes. For numbers it is
+    None and their classes, for a part of the record its own form.
     """
     found: list[Any] = []
     for name, wanted in zip(kind.fields, kind, strict=True):
@@ -198,7 +198,7 @@ def _form(kind) -> list[Any]:
 
 
 def _check(record, form):
-    """Raise TypeError for a field that is not of its type."""
+    """Raise TypeError for a field that does not have its type."""
     for value, (name, wanted, how, like) in zip(record, form, strict=True):
         if how is _form:
             _check(value, like)

@@ -1,4 +1,4 @@
-"""When tangents are made orthonormal: at an interval that is given, or that follows their growth.
+"""Times at which tangents are made orthonormal: a given interval, or one that follows their growth.
 
 Intervals are whole numbers of marks. On given steps a mark is a step.
 """
@@ -29,7 +29,7 @@ def due(schedule):
 
 @inner(allocates=True)
 def note(schedule, n, logs):
-    """Note the growth (k,) up to mark n, and suit the interval to it."""
+    """Record the growth (k,) up to mark n, and adapt the interval to it."""
     schedule["last"] = n
     spread = max(0.0, np.max(logs)) - min(0.0, np.min(logs))
     if spread > _HIGH and schedule["automatic"]:

@@ -1,4 +1,4 @@
-"""Right-hand sides, Jacobians, and linear solvers of many components: records and signatures."""
+"""Records and signatures of right-hand sides, of Jacobians, and of linear solvers."""
 
 from typing import Annotated, Any, NamedTuple
 
@@ -7,7 +7,7 @@ from .reference import FunctionField, Reference
 
 
 class UserFunctions(NamedTuple):
-    """The right-hand side of an equation, its Jacobian where that is given, and parameters."""
+    """The right-hand side of an equation, its Jacobian if that is given, and the parameters."""
 
     rhs: Annotated[Any, FunctionField(RHS_SIG)]
     jac: Annotated[Any, FunctionField(JAC_SIG)]
@@ -38,14 +38,14 @@ SUBSTITUTE = 1  # solve with its factors
 
 
 class LinearSolver(NamedTuple):
-    """Room and tables of a linear solver for n components; n = 0 for none.
+    """Storage and tables of a linear solver for n components; n = 0 for none.
 
     - factors (m, ., .): of Newton's matrix and, if m = 2, of the matrix of the tangents.
     - order (n,): the place of each component; lower, upper: diagonals of a band.
     - lapack, python: addresses of LAPACK's factorisation and of a function that enters Python.
     - exact: 1 if the right-hand side is linear and all steps have one matrix, so that one iteration
       solves a step.
-    - few: 1 if Newton's method eliminates by itself, and the solver is only for the tangents.
+    - few: 1 if Newton's method eliminates without the solver, which is for the tangents alone.
     """
 
     factors: Cube

@@ -37,7 +37,7 @@ def banded_solver(task, number, matrix, x, linear):
 
 @inner
 def substitute_band(factors, lower, upper, x):
-    """Solve for x (n,) with the factors that LAPACK has of a band; it takes longer by itself."""
+    """Solve for x (n,) with LAPACK's factors of a band; LAPACK's own function takes longer."""
     n, width, diagonal = x.shape[0], factors.shape[1] - 1, lower + upper
     for j in range(n):
         pivot = int(factors[j, width].real)
@@ -55,7 +55,7 @@ def substitute_band(factors, lower, upper, x):
 
 @inner(allocates=True)
 def factorise_band(matrix, place, lower, upper, lapack, factors):
-    """Set the factors of a sparse matrix as LAPACK has them; 0 where none is singular."""
+    """Set LAPACK's factors of a banded matrix; return 0 if no matrix is singular."""
     n, width, wrong = factors.shape[0], factors.shape[1] - 1, 0
     for j in range(n):
         for k in range(width):
@@ -137,7 +137,7 @@ class SparseFactors:
             return 0
 
         def call(task, entries_at, vector_at):
-            """Do a task; 1 for a singular matrix, -1 for an exception."""
+            """Factorise or solve; return 1 for a singular matrix, -1 for an exception."""
             try:
                 number, task = divmod(int(task), 2)
                 vector = np.frombuffer((ctypes.c_double * length).from_address(vector_at), kind)

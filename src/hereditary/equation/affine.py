@@ -2,11 +2,12 @@
 
 Their Jacobians are ``B + A J S``, with the Jacobian J of f. The parameters of f are followed by the
 matrices S, B and A. After these come t_0, the number of values of f, and the place of each matrix.
-A matrix of n rows is n + 1 offsets and then pairs of column and value, row by row. Offsets count
-from the beginning of the matrix: where each row's pairs begin, and where the last ones end.
+A matrix of n rows is stored as n + 1 offsets and then pairs of column and value, row by row.
+Offsets count from the beginning of the matrix. They say where the pairs of each row begin, and
+where the last ones end.
 
 S and A are empty if f reads the first components, and its values are those of the last ones. Then f
-writes them in place.
+writes its values into place.
 """
 
 from functools import lru_cache
@@ -35,7 +36,7 @@ def affine(
     Parameters
     ----------
     functions : (ndarray, callable, callable or None)
-        Those of f.
+        Parameters, right-hand side and Jacobian of f.
     n, n_f : int
         Number of components x, and of values that f reads, and returns.
     b, a, s : array_like, shape (k, 3), optional
@@ -57,7 +58,7 @@ def affine(
 
 
 def _by_rows(triples: ArrayLike, n: int) -> np.ndarray:
-    """Return a matrix of n rows, given by its entries, in the form of the parameters."""
+    """Return a matrix of n rows, from its entries, as it is stored among the parameters."""
     triples = np.reshape(triples, (-1, 3))
     triples = triples[np.argsort(triples[:, 0], kind="stable")]
     begins = n + 1 + 2 * np.searchsorted(triples[:, 0], np.arange(n + 1))
@@ -72,7 +73,7 @@ def own_size(params: np.ndarray) -> int:
 
 @inner
 def later(t: float, params: np.ndarray) -> float:
-    """Return the time at which f is taken."""
+    """Return the time t + t_0 at which f is evaluated."""
     return t + params[-5]
 
 

@@ -91,8 +91,8 @@ def _highest_of_caputo(left: Iterable[SystemTerm], d: int) -> np.ndarray:
 class Chained(NamedTuple):
     """System of an equation with orders above 2 or matrices, and where y' is.
 
-    `speeds` (d,) has the number of the component that is y', -1 for none; (0,) where derivatives
-    are no components.
+    `speeds` (d,) has the number of the component that is y', and -1 for none. Its shape is (0,) if
+    no derivative is a component.
     """
 
     system: System
@@ -157,8 +157,9 @@ def _with_algebraic_rows(
 ) -> Chained:
     """Return the system of ``C D^alpha y = f``, where rows of C are 0, as `Chained`.
 
-    The components are y and, for each other row of C, that row times y. Their derivatives are rows
-    of f. Of y all rows are algebraic: the others of f, and what the further components are.
+    The components are y and, for each other row of C, that row times y. The derivatives of these
+    products are rows of f. All rows of y are algebraic: the other rows of f, and the definitions of
+    the products.
     """
     d = y0.shape[1]
     rows = np.flatnonzero(left[0].coefficients.any(axis=1)).tolist() if left else []
@@ -187,7 +188,7 @@ def _with_algebraic_rows(
 
 
 def _of_derivative(operator: Any, k: int) -> Any:
-    """Return the operator on the k-th derivative that is this one on the function."""
+    """Return the operator that acts on the k-th derivative as `operator` acts on the function."""
     if operator.constant:
         return ConstantOrder(operator.order - k)
     return KernelOperator(operator.kernel, operator.derivative - k)

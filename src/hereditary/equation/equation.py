@@ -327,7 +327,8 @@ class Equation:
     def _with_params(self, params: np.ndarray) -> Equation | None:
         """Return the equation with other parameters, or None if it must be made anew.
 
-        The functions are the same and were checked before: the right-hand side is called once.
+        The functions are the same and have been checked, so the right-hand side is called only
+        once.
         """
         system = self.system
         alone = not system.read.any() and system.structure is None and not self._in_python
@@ -345,7 +346,7 @@ class Equation:
         return found
 
     def _arguments(self) -> dict[str, Any]:
-        """Return the arguments that make this equation."""
+        """Return the arguments with which this equation was made."""
         own = {"y0": self._given_y0, "d": self._given_d}
         return {name: getattr(self, name) for name in _GIVEN} | own
 
@@ -405,7 +406,7 @@ def _numbers(params: ArrayLike) -> np.ndarray:
 
 
 def _check_leading(left: Iterable[SystemTerm], y0: np.ndarray, reads: bool) -> None:
-    """Refuse components with RiemannLiouville terms alone, and initial values that nothing needs.
+    """Refuse components with RiemannLiouville terms alone, and initial values that are not used.
 
     `reads` says whether the right-hand side reads memory, whose orders count in algebraic rows.
     """

@@ -58,7 +58,7 @@ def _term(term: Term) -> str:
 
 
 def _number(coefficient: np.ndarray) -> str:
-    """Return a factor: nothing for 1, a matrix by its shape."""
+    """Return a factor as text: nothing for 1, and a matrix by its shape."""
     if coefficient.ndim == 2:
         return f"[{coefficient.shape[0]} x {coefficient.shape[1]} matrix] "
     return "" if np.all(coefficient == 1) else f"{_plain(coefficient)} "

@@ -29,7 +29,7 @@ _INTEGRAL = (
 
 
 class Summand:
-    """A part of an equation's left-hand side: it can be scaled, and added to others."""
+    """A part of the left-hand side of an equation, which can be scaled and added to others."""
 
     # without this NumPy would multiply entry by entry in `array * Caputo(...)`
     __array_ufunc__ = None
@@ -155,7 +155,7 @@ class Caputo(Summand):
 
     @property
     def derivative(self) -> int:
-        """m, the highest derivative inside: ceil(order) of the highest order."""
+        """m, the derivative inside the integral: ceil(order) of the highest order."""
         if self.varying is not None:
             return self.varying.derivative
         return max(map(derivative_order, self._order.flat))
@@ -166,9 +166,10 @@ class Caputo(Summand):
         return self.varying is None
 
     def parts(self, orders: np.ndarray) -> list[tuple[Operator, np.ndarray | bool]]:
-        """Return operators of a `System`, and for each which components (d,) have it; True for all.
+        """Return operators of a `System`, and the components (d,) that have each; True for all.
 
-        `orders` (d,) are the constant orders as the equation rounds them; ignored if they vary.
+        `orders` (d,) are the constant orders as the equation rounds them. They are ignored if
+        orders vary.
         """
         if self.varying is not None:
             return [(self.varying, True)]
@@ -304,7 +305,7 @@ class Term(Summand):
         return (self,)
 
     def times(self, factor: ArrayLike) -> Term:
-        """Return this term with a multiplied coefficient; a matrix multiplies from the left."""
+        """Return this term with its coefficient multiplied; a matrix multiplies from the left."""
         checked, own = Term(self.operator, factor).coefficient, self.coefficient
         if checked.ndim == 2 and own.ndim:
             return Term(self.operator, checked @ (own if own.ndim == 2 else np.diag(own)))

@@ -1,4 +1,4 @@
-"""From the terms and initial values that a user states to those of a system."""
+"""From the terms and initial values of the user to those of a system."""
 
 import numbers
 from collections.abc import Iterable, Sequence
@@ -44,7 +44,7 @@ def left_side(
     orders: Iterable[np.ndarray],
     origin: float,
 ) -> list[SystemTerm]:
-    """List the operators of a system's left side with their coefficients, one for each order.
+    """List the operators of the left side of a system with their coefficients, one for each order.
 
     Times of the system count from `origin`.
     """
@@ -95,7 +95,7 @@ def check_initial_terms(left: Iterable[SystemTerm], leading: np.ndarray) -> None
 
 
 def _order_at_start(operator: Operator) -> float:
-    """Return an order at time 0; of a general kernel the derivative inside."""
+    """Return the order of an operator at time 0; for a general kernel m of its y^(m)."""
     if isinstance(operator, VaryingOrder):
         return float(operator.sampled(np.zeros(1))[0][0])
     return operator.order
@@ -118,7 +118,7 @@ def per_component(
 
 
 def read_memory(memory: Any) -> tuple[Term | Delay, ...]:
-    """List what a right-hand side reads, terms and delays, in its order."""
+    """List the terms and delays that a right-hand side reads, in their order."""
     parts = list(memory) if isinstance(memory, (list, tuple)) else [memory]
     found: list[Term | Delay] = []
     for part in parts:
@@ -127,7 +127,7 @@ def read_memory(memory: Any) -> tuple[Term | Delay, ...]:
 
 
 def _read_terms(memory: Summand) -> tuple[Term, ...]:
-    """List the terms of a part of what a right-hand side reads."""
+    """List the terms of one part of `memory`."""
     terms = as_terms(memory, "memory")
     for term in terms:
         if term.operator.derivative > 2:
@@ -141,9 +141,9 @@ def _read_terms(memory: Summand) -> tuple[Term, ...]:
 def with_memory(system: System, memory: Sequence[Term]) -> System:
     """Return a system with the memory that its right-hand side reads: (1 + k) d components.
 
-    The d components are followed by d for each term of `memory`. Each of these has that term as its
-    left side, so schemes weigh it like a term of an equation. Marches give such components the
-    increments of their `sources`.
+    The d components are followed by d for each term of `memory`. The left side of each of these is
+    that term, so schemes compute it like a term of an equation. Marches use the increments of their
+    `sources`.
     """
     d, k, origin, paired = system.d, len(memory), system.frame.start, system.frame.paired
     own_d = d // 2 if paired else d
@@ -250,7 +250,7 @@ def initial_values(values: np.ndarray, m: int) -> np.ndarray:
 
 
 def initial_rows(values: np.ndarray, m: int, d: int) -> np.ndarray:
-    """Return the (k, d) array of initial values of d components, k >= m."""
+    """Return the initial values of d components as an array (k, d), k >= m."""
     rows = values.reshape(-1, d) if values.ndim < 2 and values.size % d == 0 else values
     if rows.ndim != 2 or rows.shape[1] != d or len(rows) < m:
         required = f"hold at least {m} rows of {d}, where d = {d} is stated"
@@ -259,7 +259,7 @@ def initial_rows(values: np.ndarray, m: int, d: int) -> np.ndarray:
 
 
 def of_shorthand(values: np.ndarray, initial: np.ndarray, reads_memory: bool) -> str:
-    """Return a hint for messages: what a flat y0 means, and how rhs reads y'; or ""."""
+    """Return a hint for messages, on the meaning of a flat y0 and on how rhs reads y'; or ""."""
     speed = _SPEED if initial.shape == (2, 1) and not reads_memory else ""
     if values.ndim != 1 or initial.shape[0] == 1:
         return speed

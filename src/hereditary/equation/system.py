@@ -98,7 +98,7 @@ class System:
             set_once("of_y", self.sources)
 
     def spread(self, values: Any) -> np.ndarray:
-        """Return values for all components, (d,), from a number or one for each component of y."""
+        """Return values for all components, (d,), from one number or from values for y."""
         values = np.asarray(values)
         return np.full(self.d, values) if values.ndim == 0 else values[self.of_y]
 
@@ -169,9 +169,9 @@ class System:
         return out
 
     def beside(self, t: float, sign: float) -> float:
-        """Return a time after (sign 1) or before (-1) t, by some units of rounding.
+        """Return a time just after (sign 1) or just before (-1) t, by some units of rounding.
 
-        It is on that side of a jump at t also for functions that round the time differently.
+        Functions that round the time differently still see it on that side of a jump at t.
         """
         start = self.frame.start
         apart = 8 * np.spacing(max(abs(t), abs(start), abs(start + t)))
@@ -184,7 +184,7 @@ class System:
 
     @cached_property
     def above(self) -> np.ndarray:
-        """Whether each component, or the one whose memory it is, has an order above 1, (d,)."""
+        """Whether each component, or the source of its memory, has an order above 1, (d,)."""
         return self.highest_orders()[self.sources] > 1
 
     @cached_property
@@ -260,20 +260,20 @@ class System:
 
     @cached_property
     def units(self) -> np.ndarray:
-        """Units of the components, (d,), for differences where y is small; 0 if there are none."""
+        """Units of the components, (d,), for differences where y is small; 0 if unknown."""
         if self.has_jac:
             return np.ones(self.d)
         return units_of(self.compiled_rhs, self.compiled_params, self.at_start)
 
     @property
     def positive_units(self) -> np.ndarray:
-        """Units of the components, 1 where there are none."""
+        """Units of the components, with 1 in place of unknown units."""
         return np.where(self.units > 0, self.units, 1.0)
 
     def dense(self) -> System:
-        """Return the system with a dense Jacobian, by differences if its entries were stated.
+        """Return the system with a dense Jacobian, for methods that need one.
 
-        For methods that need dense Jacobians.
+        If the user has stated entries of a sparse Jacobian, the dense one comes from differences.
         """
         if self.structure is None:
             return self
@@ -293,7 +293,7 @@ class System:
 
 
 def refuse_late(system: System, t_end: float) -> None:
-    """Refuse a run beyond the times at which an operator is known."""
+    """Refuse a run that ends after the last time at which an operator is known."""
     last = min(operator.t_last for operator, _ in system.left)
     if t_end > last * (1 + 1e-12):
         required = f"stay within t = {last:g}, up to which a kernel is known"
@@ -342,7 +342,7 @@ def variational(system: System, directions: np.ndarray) -> System:
 
 
 def side_by_side(systems: Sequence[System]) -> System:
-    """Return several systems with the same left side as one, for plans alone."""
+    """Return several systems with the same left side as one system, for plans alone."""
     d = systems[0].d
 
     def rhs(t: float, y: np.ndarray, dy: np.ndarray, _: np.ndarray) -> None:
@@ -354,7 +354,7 @@ def side_by_side(systems: Sequence[System]) -> System:
 
 
 def _repeated(system: System, times: int, y0: np.ndarray, rhs: Any) -> System:
-    """Return a system whose components are those of `system`, so many times, with their terms."""
+    """Return a system with `times` copies of the components of `system`, each with its terms."""
     left = [SystemTerm(operator, np.tile(c, times)) for operator, c in system.left]
     sources = (system.sources + system.d * np.arange(times)[:, None]).ravel()
     return System(left, y0, system.compiled_params, rhs, sources=sources)

@@ -29,7 +29,7 @@ _CONSTANT = 0.99
 
 
 class SystemTerm(NamedTuple):
-    """Operator and its coefficients for each component, (d,); 0 where a component lacks it."""
+    """An operator and its coefficients for each component, (d,); 0 for components without it."""
 
     operator: Operator
     coefficients: np.ndarray
@@ -73,11 +73,11 @@ class ConstantOrder:
         return self.order in (1.0, 2.0)
 
     def symbol(self, s: np.ndarray) -> np.ndarray:
-        """Return ``s**alpha``, its factor on ``exp(s t)`` from time minus infinity on."""
+        """Return ``s**alpha``, the factor on ``exp(s t)`` if memory begins at minus infinity."""
         return s**self.order
 
     def factor(self, h: float) -> float:
-        """Return the factor on increments, or their differences: ``h**-alpha / Gamma(p + 1)``."""
+        """Return the factor of increments or of their differences: ``h**-alpha / Gamma(p + 1)``."""
         return float(h**-self.order * rgamma(self.power + 1))
 
     def in_steps(self, h: float) -> PowerSteps:
@@ -125,13 +125,13 @@ class KernelOperator:
         return self.kernel.t_last
 
     def symbol(self, s: np.ndarray) -> np.ndarray:
-        """Return ``s**m`` times the kernel's Laplace transform, its factor on ``exp(s t)``."""
+        """Return ``s**m`` times the Laplace transform of the kernel, its factor on ``exp(s t)``."""
         mean = _mean_symbol(self.kernel, self.derivative)
         with np.errstate(all="ignore"):  # at 0 a transform may be infinite
             return np.where(s == 0, mean, s**self.derivative * self.kernel.laplace(s))
 
     def factor(self, h: float) -> float:
-        """Return the factor on increments, 1, or on their differences, 1/h."""
+        """Return the factor of increments, 1, or of their differences, 1/h."""
         return 1 / h if self.derivative == 2 else 1.0
 
     def in_steps(self, h: float) -> StepKernel:
@@ -150,9 +150,9 @@ class KernelOperator:
 
 @lru_cache(maxsize=64)
 def _mean_symbol(kernel: MemoryKernel, m: int) -> complex:
-    """Return the factor on a mean of y in a term with y^(m); refuse kernels that do not fade.
+    """Return the factor of a mean of y in a term with y^(m); refuse kernels that do not fade.
 
-    A kernel has a constant part where s K^(s) stays the same as s tends to 0.
+    A kernel has a constant part if s K^(s) stays the same as s tends to 0.
     """
     with np.errstate(all="ignore"):
         mean = 0.0 if m else complex(kernel.laplace(0j))
@@ -266,7 +266,7 @@ class VaryingOrder:
         return values[:k], complaint("order", required, f"{reason} at t = {times[k]:.6g}")
 
     def _at_once(self, times: np.ndarray) -> np.ndarray | None:
-        """Call the function once for all times; return None where it accepts no arrays."""
+        """Call the function once for all times; return None if it accepts no arrays."""
         try:
             # a copy, because the function may write into it
             values = np.broadcast_to(np.asarray(self.function(times.copy())), times.shape)
@@ -280,7 +280,7 @@ class VaryingOrder:
         return np.asarray(values, dtype=float) if close.all() else None
 
     def _one_by_one(self, times: np.ndarray) -> tuple[np.ndarray, str]:
-        """Return values up to the first call that fails, and how that failed."""
+        """Return values up to the first call that fails, and a sentence on that failure."""
         values = np.empty(times.size)
         for i, t in enumerate(times.tolist()):
             try:

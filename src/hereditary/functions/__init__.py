@@ -1,1 +1,1 @@
-"""Functions of a user: checked, compiled or called in Python, and what they read."""
+"""Functions of the user: checked, compiled or called in Python, and the values that they read."""

@@ -1,8 +1,8 @@
-"""One function of a user: tried, compiled once or called in Python.
+"""One function of the user: tried, then compiled once or called in Python.
 
-It is first called twice in plain Python, so that an error shows its own line instead of a
-compiler's message. It is compiled with bounds checks, and for read-only arrays y and params. With
-the same code and the same values frozen into it, it is not compiled again. Each time the values of
+It is first called twice in plain Python, so that an error shows the line of the user instead of a
+message of the compiler. It is compiled with bounds checks, and for read-only arrays y and params.
+With the same code and the same frozen values it is not compiled again. Each time the values of
 compiled code at the start are compared with those in Python. A function that numba cannot compile
 is called in Python from a compiled one (python_calls.py).
 """
@@ -43,14 +43,17 @@ Fill: TypeAlias = Callable[..., None]
 
 
 class Function(NamedTuple):
-    """A user's function: compiled, or None, and ``fill(t, z, out, params)``, which calls it."""
+    """A user's function: compiled or None, and ``fill(t, z, out, params)``, which calls it."""
 
     compiled: Any
     fill: Fill
 
 
 class _Version(NamedTuple):
-    """A compiled function, or None and the reason; number of arguments and form of the values."""
+    """A compiled function, or None and the reason; its number of arguments and its form.
+
+    The form says how the function returns its values.
+    """
 
     compiled: Any
     reason: str
@@ -62,13 +65,13 @@ _versions: OrderedDict[tuple, _Version] = OrderedDict()
 
 
 def present_values(fun: Any) -> tuple:
-    """Return the values that compilation of `fun` would freeze now, for comparison."""
+    """Return the values that compilation of `fun` would freeze at present, for comparison."""
     plain = None if fun is None else _plain(fun)
     return frozen_values(plain) if inspect.isfunction(plain) else ()
 
 
 def _plain(fun: Any) -> Any:
-    """Return the Python function behind a compiled one; any other unchanged."""
+    """Return the Python function behind a compiled one; any other function unchanged."""
     return fun.py_func if is_jitted(fun) else fun
 
 
@@ -82,9 +85,9 @@ def function_of(
     hint: Callable[[], str] = str,
     required: str = "",
 ) -> Function:
-    """Check a user's function and return it, compiled where it can be, as a `Function`.
+    """Check a function of the user and return it as a `Function`, compiled if possible.
 
-    `required` is what is required of a function that must compile.
+    `required` says in messages what a function that must compile has to do.
     """
     plain = _plain(fun)
     if not callable(plain):
@@ -117,13 +120,13 @@ def function_of(
 
 
 def _key(fun: Any, signature: Any, start: Start) -> tuple:
-    """Return what a compiled function depends on, besides its number of arguments and its form."""
+    """Return what a compiled function depends on, without its number of arguments and its form."""
     options = stated_options(options_of(fun)) if is_jitted(fun) else ""
     return frozen_values(_plain(fun)), options, signature, len(start.memory), start.paired
 
 
 def _called(fill: Fill, start: Start, shape: tuple[int, ...]) -> np.ndarray:
-    """Return the values of a function at the start, in Python."""
+    """Return the values of a function at the start, called in Python."""
     values = np.full(shape, np.nan, start.y.dtype)
     with np.errstate(all="ignore"):
         fill(start.t, locked(start.components()), values.view(float), locked(start.params))
@@ -131,7 +134,7 @@ def _called(fill: Fill, start: Start, shape: tuple[int, ...]) -> np.ndarray:
 
 
 def _difference(compiled: Any, expected: np.ndarray, start: Start) -> str:
-    """Return how compiled code differs from Python's values at the start; "" for not at all."""
+    """Return a clause on how compiled values differ from Python's at the start, or ""."""
     found = np.full_like(expected, np.nan)
     try:
         compiled(start.t, start.components(), found.view(float), start.params.copy())
@@ -165,7 +168,7 @@ def _version(
 
 
 def _warn_of_versions(name: str, plain: FunctionType) -> None:
-    """Warn where one function is compiled over and over for other frozen values."""
+    """Warn if one function has been compiled many times, for other frozen values each time."""
     versions = 1 + sum(frozen[0] == plain.__code__ for frozen, *_ in _versions)
     if versions == _VERSIONS_MAX:
         warn(
@@ -179,10 +182,10 @@ def _warn_of_versions(name: str, plain: FunctionType) -> None:
 def _build(
     name: str, fun: Any, key: tuple, arity: int, form: str, start: Start, shape: tuple[int, ...]
 ) -> tuple[Any, str]:
-    """Compile a user's function; return it and "", or None and why numba cannot.
+    """Compile a function of the user; return it and "", or None and why numba cannot compile it.
 
-    One that could write past read-only types is given copies of y and params. Its own code, and
-    its helpers, are compiled anew, so that the result depends on these alone.
+    A function that could write into y or params through numba gets copies of them. Its code and its
+    helpers are compiled anew, so that the result depends on these alone.
     """
     plain, k = _plain(fun), len(start.memory)
     if config.DISABLE_JIT:
@@ -243,7 +246,7 @@ def _of_copies(fun: Any) -> Fill:
 
 
 def _of_parts(fun: Any) -> Fill:
-    """Return a function of complex components as one of their real and imaginary parts."""
+    """Return a function of complex components as a function of their real and imaginary parts."""
 
     def of_parts(t: float, z: np.ndarray, out: np.ndarray, params: np.ndarray) -> None:
         fun(t, z.view(np.complex128), out.view(np.complex128), params)
@@ -316,7 +319,7 @@ def _in_python(name: str, fun: Any, arity: int, start: Start, shape: tuple[int, 
 
 
 def _locking(fill: Fill) -> Fill:
-    """Return the function with its arguments read-only, for runs without a compiler."""
+    """Return the function with read-only arguments, for runs without a compiler."""
     return lambda t, z, out, params: fill(t, locked(z), out, locked(params))
 
 
@@ -333,7 +336,7 @@ _RESHAPED = "the function returned another shape than at the start"
 
 
 class Start(NamedTuple):
-    """Arguments that functions are tried with: y (d,), memory (k, d), params (p,) and the time t.
+    """Arguments with which functions are tried: y (d,), memory (k, d), params (p,) and the time t.
 
     y and memory may be complex.
     """
@@ -345,7 +348,7 @@ class Start(NamedTuple):
 
     @property
     def paired(self) -> bool:
-        """Whether components are complex: each is two real components of a system."""
+        """Whether components are complex, so that each is two real components of a system."""
         return self.y.dtype.kind == "c"
 
     def components(self) -> np.ndarray:
@@ -353,7 +356,7 @@ class Start(NamedTuple):
         return np.concatenate([self.y, self.memory.ravel()]).view(float)
 
     def shapes(self, name: str, out: str) -> str:
-        """Name the ways in which a function may be written."""
+        """List in words the arguments that a function may have."""
         first = f"{name}(t, y" + ", memory" * (len(self.memory) > 0)
         return f"{first}), {first}, params) or, in place, {first}, {out}, params)"
 
@@ -389,7 +392,7 @@ def try_out(
     shape: tuple[int, ...],
     hint: Callable[[], str],
 ) -> tuple[np.ndarray, str]:
-    """Call `fun` twice in Python at the start, check its values and return them and their form."""
+    """Call `fun` twice in Python at the start, check its values, and return them and their form."""
     # an output array with other values at first shows entries that the function does not set
     (values, form), (again, _) = (
         _values(name, out, fun, arity, start, shape, hint, unset) for unset in (np.nan, 0.5)
@@ -409,7 +412,7 @@ def try_out(
 
 
 def nearly_equal(values: np.ndarray, expected: np.ndarray) -> bool:
-    """Return whether values agree to 1e-8."""
+    """Return whether values agree to a relative 1e-8."""
     if np.array_equal(values, expected):  # in a tenth of the time
         return True
     return np.allclose(values, expected, rtol=1e-8, atol=1e-12 * np.abs(expected).max(initial=0.0))
@@ -467,7 +470,7 @@ def _values(
 def numbers_of(
     name: str, fun: Any, returned: Any, shape: tuple[int, ...], start: Start
 ) -> np.ndarray:
-    """Return what a function returned as an array; refuse anything but numbers."""
+    """Return the values of a function as an array; refuse anything but numbers."""
     try:
         values = np.asarray(returned)
     except ValueError:  # rows of unequal length

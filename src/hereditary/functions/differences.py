@@ -44,7 +44,7 @@ def check_jacobian(
 def wrong_jacobian(
     rhs: Any, jac: Any, y0: np.ndarray, params: np.ndarray, structure: Any = None, t: float = 0.0
 ) -> str:
-    """Return a complaint of a Jacobian that is not the derivative of `rhs` near y0; else "".
+    """Return a complaint if the Jacobian is not the derivative of `rhs` near y0; otherwise "".
 
     Its products with directions are compared with differences of `rhs` along them. Directions are
     the axes for a dense Jacobian, and a random one where entries have a `structure`. Without `jac`
@@ -107,12 +107,12 @@ def _deviation(
     directions: np.ndarray,
     lengths: np.ndarray,
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray] | None:
-    """Return which products are wrong, the given ones and differences, (d, n); None for unknown.
+    """Return which products are wrong, the products, and differences, (d, n); None if unknown.
 
     Parameters
     ----------
     directions, lengths : ndarray, shape (n, d) and (n,)
-        Steps of differences are proportional to the product of both.
+        Steps of difference quotients are proportional to direction times length.
     """
     entries = np.empty((y.size, y.size)) if structure is None else structure.entries.copy()
     values, shifts = np.empty((2, 2, *directions.shape)), lengths[:, None] * directions
@@ -146,10 +146,11 @@ def _deviation(
 
 
 def units_of(rhs: Any, params: np.ndarray, y0: np.ndarray) -> np.ndarray:
-    """Return units of components, (d,), for the steps of differences where y is small.
+    """Return units of components, (d,), for steps of difference quotients where y is small.
 
-    Sizes of y0. A component that begins at 0, or next to it, has a step that moves f clearly and in
-    proportion. It is 0 where none is found. Many components share the largest size, or that of f.
+    The unit is the size of y0. For a component that is 0 at the start, or next to 0, it is a step
+    that moves f clearly and in proportion. It is 0 if there is no such step. In large systems all
+    components have the largest size, or that of f.
     """
     units = np.abs(y0)
     small = np.flatnonzero(units <= _SMALL * units.max())

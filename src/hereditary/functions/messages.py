@@ -52,7 +52,7 @@ def writing_complaint(name: str, fun: FunctionType, error: Exception) -> str:
 
 
 def _place(fun: FunctionType, text: str) -> str:
-    """Return a clause that names the line in numba's report, or the first line of the function."""
+    """Return a clause that names the line in numba's report, or the function's first line."""
     path = fun.__code__.co_filename
     file, whole = re.escape(Path(path).name), re.escape(path)
     found = re.search(rf'File "[^"]*{file}", line (\d+)|{whole} \((\d+)\)', text)
@@ -63,7 +63,7 @@ def _place(fun: FunctionType, text: str) -> str:
 
 
 def _reason(text: str) -> str:
-    """Return the most useful sentence of numba's report.
+    """Return the most useful sentence of the report of numba.
 
     If numba tried several implementations of a call, the last error explains why none fits.
     Otherwise the first line is the most useful one.

@@ -1,10 +1,9 @@
-"""Call functions that numba cannot compile from compiled code.
+"""Calls of functions in Python from compiled code, for functions that numba cannot compile.
 
-A march hands its functions t, all components and an array for the values. In place of a function
-that must run in Python it gets a compiled one that is the same for all of them. It also gets the
-address of a C function, made by ctypes, that enters Python. Addresses stand behind the parameters,
-first that of the right-hand side and then that of the Jacobian, so nothing is compiled for a single
-function.
+A march calls functions with t, all components and an array for the values. For a function in Python
+it calls one compiled function, the same for all of them. This enters Python by the address of a C
+function, made by ctypes. Addresses are the last parameters, first that of the right-hand side and
+then that of the Jacobian. So nothing is compiled for a single function.
 """
 
 import ctypes
@@ -53,7 +52,7 @@ class Callback:
     Parameters
     ----------
     name : str
-        Argument of the equation that holds the function.
+        Name of the argument that is the function.
     fill : callable
         ``fill(t, z, out)``, z (n,) read-only.
     n : int
@@ -63,7 +62,7 @@ class Callback:
     Attributes
     ----------
     address : float
-        Its address; exact, since addresses have fewer than 53 bits.
+        Address of the C function; exact, since addresses have fewer than 53 bits.
     """
 
     def __init__(
@@ -107,7 +106,7 @@ class Callback:
 def _view(
     known: dict[int, np.ndarray], address: int, kind: Any, shape: tuple[int, ...]
 ) -> np.ndarray:
-    """Return a view of the numbers at an address, and remember it in `known`."""
+    """Return a view of the numbers at an address, and store it in `known`."""
     if len(known) >= _VIEWS:
         known.clear()
     return known.setdefault(address, np.frombuffer(kind.from_address(address)).reshape(shape))

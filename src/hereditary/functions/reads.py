@@ -160,9 +160,9 @@ def _digest_of_frozen(frozen: tuple, package: str) -> str:
 
 
 class _Digests:
-    """Digests of values and their parts, each worked out once.
+    """Digests of values and their parts, each computed once.
 
-    `own` are the packages whose functions are looked into although they are installed.
+    `own` are installed packages whose functions are represented by their code.
     """
 
     def __init__(self, own: set[str]) -> None:
@@ -198,12 +198,12 @@ class _Digests:
         return f"{kind} of {len(parts)}: {sorted(digests) if kind == 'set' else digests}"
 
     def _looked_into(self, function: FunctionType) -> bool:
-        """Return whether a function is represented by its code and by what it reads."""
+        """Return whether the digest of a function covers its code and the values that it reads."""
         package, path = _package(function), function.__code__.co_filename
         return package not in _FOREIGN and (package in self._own or not _installed(path))
 
     def _taken_apart(self, value: Any) -> tuple[str, Collection[Any]]:
-        """Return a name for the kind of a value, and its parts."""
+        """Return a name for the kind of a value, and the parts that its digest covers."""
         if isinstance(value, tuple | list):
             return "list", value
         if isinstance(value, set | frozenset):
@@ -238,8 +238,8 @@ def _name(value: Any) -> str:
 def fresh(fun: Any, own_options: dict[str, Any], helper_options: dict[str, Any]) -> Any:
     """Return a dispatcher for a copy of `fun` that calls fresh copies of its helpers.
 
-    A dispatcher keeps the code it compiled first, with the values and options of that time. Helpers
-    reached as attributes of a module stay as they are.
+    A dispatcher keeps the code that it compiled first, with the values and options of that time.
+    Helpers that are attributes of a module are not copied.
 
     Parameters
     ----------
@@ -284,7 +284,7 @@ def _copied(fun: Any, make: Callable[[FunctionType, Any], Any]) -> Any:
 
 
 def _blank(plain: FunctionType) -> FunctionType:
-    """Return a function with the code of `plain`, and globals and closure to be filled."""
+    """Return a function with the code of `plain`, and with empty globals and closure."""
     inherited = ("__name__", "__builtins__")
     known = {name: plain.__globals__[name] for name in inherited if name in plain.__globals__}
     cells = tuple(CellType() for _ in plain.__closure__ or ())

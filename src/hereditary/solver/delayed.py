@@ -271,24 +271,24 @@ class DelayedStepper(ResumableStepper, JumpingStepper):
             delay.lift[:] = lift
 
     def come_back(self, checkpoint: tuple) -> None:
-        """Come back to where `checkpoint` was taken."""
+        """Return to the time at which `checkpoint` was taken."""
         self._inner.come_back(checkpoint[0])
         self.remember(checkpoint[1])
 
     def state(self) -> State:
-        """Return a state from which another run goes on."""
+        """Return a state from which another run continues."""
         self._forget()
         inner = self._inner.state()
         state = replace(inner, checkpoint=(inner.checkpoint, self._remembered()))
         return replace(state, layout=layout_of(state))
 
     def restore(self, state: State, allow_change: bool = False) -> None:
-        """Go on from `state`; `allow_change` admits another right-hand side or parameters."""
+        """Continue from `state`; `allow_change` admits another right-hand side or parameters."""
         self._inner.restore(replace(state, checkpoint=state.checkpoint[0]), allow_change)
         self.remember(state.checkpoint[1])
 
     def expect_jumps(self, of_y: bool) -> None:
-        """Prepare for jumps of f, and of y if `of_y`."""
+        """Prepare the inner stepper for jumps of f, and of y if `of_y`."""
         self._inner.expect_jumps(of_y)
 
     def set_y(self, y: np.ndarray) -> None:
@@ -302,7 +302,7 @@ class DelayedStepper(ResumableStepper, JumpingStepper):
         self._jumped()
 
     def _jumped(self) -> None:
-        """Note that the solution has a kink here."""
+        """Record that the solution has a kink at the present time."""
         self._roots.append(self._inner.t)
         self._set_kinks()
 

@@ -73,11 +73,14 @@ class Events:
 
     @property
     def any(self) -> bool:
-        """Whether there is something to look for."""
+        """Whether there are event functions."""
         return bool(self._functions)
 
     def _begin(self, t: float, values: list[float], after: list[float]) -> None:
-        """Begin at time t, where functions have some values; `after` are signs, 0 for unknown."""
+        """Start at time t with these values of the functions; `after` are signs just after t.
+
+        A sign of 0 is unknown.
+        """
         self._start, self._values = t, list(values)
         for number, (value, sign) in enumerate(zip(values, after, strict=True)):
             # a run that begins at a zero may stand on either side of it by its tolerance
@@ -86,10 +89,10 @@ class Events:
         self._after = [float(np.sign(value)) for value in self._values]
 
     def look(self, edges: np.ndarray, at: Callable) -> float | None:
-        """Search between consecutive `edges`; `at(t)` is the solution, (k, d) for k times.
+        """Locate zeros between consecutive `edges`; `at(t)` is the solution, (k, d) for k times.
 
-        Returns the time at which the march is to stand where a terminal event or a function that
-        fails ends it, or None.
+        Return the time at which a terminal event, or a function that fails, ends the march, or
+        None.
         """
         looks = edges[:-1, None] + np.diff(edges)[:, None] * np.arange(self._looks) / self._looks
         times = self._looked_at(np.append(looks.ravel(), edges[-1]), edges)
@@ -108,13 +111,13 @@ class Events:
         return None if end == math.inf else float(end)
 
     def _looked_at(self, times: np.ndarray, edges: np.ndarray) -> np.ndarray:
-        """Return the times of an interval with `edges` at which functions are evaluated."""
+        """Return the times, between these edges, at which functions are evaluated."""
         return times
 
     def _zeros_of(
         self, number: int, times: np.ndarray, values: np.ndarray, at: Callable, edges: np.ndarray
     ) -> Iterator[tuple[float, float]]:
-        """Yield the zeros of a function, with the signs behind them."""
+        """Yield the zeros of a function, each with the sign after it."""
         self._values[number] = values[-1]
         for t, sign in self._zeros(self._functions[number], times, values, at):
             if together(t, self._start) or t < self._start:
@@ -124,12 +127,12 @@ class Events:
             yield t, sign
 
     def _is_known(self, number: int, t: float) -> bool:
-        """Return whether the last zero of a function is one at t."""
+        """Return whether the last zero of a function that was found is one at t."""
         known = self.times[number]
         return bool(known) and bool(t <= known[-1] or together(t, known[-1]))
 
     def _end(self, end: float, found: list[tuple[float, int, float]], edges: np.ndarray) -> float:
-        """Return where the march ends, `end` by a terminal event."""
+        """Return the time at which the march ends: that of a terminal event, or `end`."""
         self.over = end < math.inf
         if self.failure and self._failed_at <= end:  # back to the last step before
             return edges[max(int(np.searchsorted(edges, self._failed_at)) - 1, 0)]
@@ -137,7 +140,7 @@ class Events:
         return end
 
     def _keep(self, found: list[tuple[float, int, float]], end: float, at: Callable) -> None:
-        """Take in zeros up to `end`, and the signs just after it."""
+        """Store zeros up to `end`, and the signs just after it."""
         row = at(np.array([end]))
         for number, function in enumerate(self._functions if end > self._start else ()):
             self._after[number] = float(np.sign(self._seen(function, [end], row)[0]))
@@ -152,9 +155,9 @@ class Events:
                 self._after[number] = sign
 
     def signs(self) -> dict[str, float]:
-        """Return signs of the functions at the end of the run, after any zero there, by digest.
+        """Return the signs of the functions at the end of the run, after any zero there, by digest.
 
-        A run that goes on from there then neither finds such a zero again nor misses another.
+        A run that is resumed there then neither finds such a zero again nor misses another one.
         """
         pairs = zip(self._functions, self._after, strict=True)
         return {digest(function): sign for function, sign in pairs if sign in (-1.0, 1.0)}
@@ -175,7 +178,7 @@ class Events:
         return values
 
     def _note(self, error: _Failed) -> None:
-        """Keep the earliest failure."""
+        """Store the earliest failure of a function."""
         if error.t < self._failed_at:
             self._failed_at, self.failure = error.t, str(error)
 
@@ -184,7 +187,7 @@ class Events:
     ) -> Iterator[tuple[float, float]]:
         """Return zeros in ascending order, each with the sign after it.
 
-        One at the first time belongs to what was before. Where a value is NaN nothing is known.
+        A zero at the first time belongs to the interval before. Next to a NaN no zero is found.
         """
         direction, signs = getattr(function, "direction", 0), np.sign(values)
         known = (signs[:-1] != 0) & ~np.isnan(signs[:-1]) & ~np.isnan(signs[1:])
@@ -228,7 +231,7 @@ class _Failed(Exception):
 
 
 def value_of(function: Callable, t: float, y: np.ndarray) -> float:
-    """Return the function's value; truth values as 1 and -1."""
+    """Return the value of an event function; truth values count as 1 and -1."""
     given = y.copy()
     try:
         value = np.asarray(function(t, given))
@@ -247,7 +250,7 @@ def _name(function: Callable) -> str:
 
 
 def _first_value(function: Callable, t: float, y: np.ndarray) -> float:
-    """Return the function at the start, checked."""
+    """Return the value of an event function at the start, checked."""
     required = "be functions event(t, y)"
     if not callable(function):
         refuse("events", required, repr(function), kind=TypeError)
@@ -268,7 +271,7 @@ def _first_value(function: Callable, t: float, y: np.ndarray) -> float:
 
 
 def _limit(function: Callable) -> float:
-    """Return the number of zeros that end the run."""
+    """Return the number of zeros after which an event function ends the run."""
     terminal = getattr(function, "terminal", False)
     if terminal is None or isinstance(terminal, (bool, np.bool_)):
         return 1.0 if terminal else math.inf
@@ -282,8 +285,8 @@ def bracketed_root(function: Callable[[float], float], low: float, high: float) 
     """Find a zero of a continuous function between points of different sign, to rounding.
 
     The method is Anderson's and Bjorck's variant of false position, with a bisection whenever three
-    steps have not halved the bracket. (Importing scipy.optimize for its own would take half a
-    second.)
+    steps have not halved the bracket. (The import of scipy.optimize, which has similar methods,
+    takes half a second.)
     """
     f_low, f_high = function(low), function(high)
     if f_low == 0.0:

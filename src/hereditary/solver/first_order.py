@@ -15,7 +15,7 @@ from .solution import Solution
 
 
 class _Companions(NamedTuple):
-    """Ratios of the numbers of steps of the run, of the finer and of the coarser companion."""
+    """Numbers of steps of a run over those of its finer and of its coarser companion."""
 
     run: int
     fine: int
@@ -49,15 +49,15 @@ _off = ThreadSwitch()
 
 
 def no_estimates() -> AbstractContextManager[None]:
-    """Leave estimates out in this thread, within a ``with`` statement: sweeps make many runs."""
+    """Suppress error estimates in this thread, in a ``with`` statement: sweeps make many runs."""
     return _off.set()
 
 
 def note_error(solution: Solution, stepper: FixedStepper, n_steps: int) -> None:
-    """Estimate the error of a first-order run in its stats, and warn of a large one.
+    """Add the error estimate of a first-order run to its stats, and warn of a large error.
 
     ``stats["error_estimate"]`` is None if the run has too few steps, if its companions are
-    unstable, or if they differ by the size of the solution. The last is a warning.
+    unstable, or if they differ by the size of the solution. The last case causes a warning.
     """
     off = _off.value or not solution.success
     found = None if off else estimated_error(stepper, n_steps)
@@ -75,8 +75,8 @@ def estimated_error(stepper: FixedStepper, n_steps: int) -> float | None:
     """Return the largest error from 40 steps on relative to the size of each component, or None.
 
     Cheap companions have a tenth and a twentieth of the steps. If they are unstable or differ by
-    the size of the solution, others with a half and a third are run. If those differ as much, this
-    is a warning.
+    the size of the solution, companions with a half and a third of the steps are run. If these
+    differ as much, this causes a warning.
     """
     unlike = ""
     for pair, fewest in ((_CHEAP, _FEWEST), (_CLOSE, _LEAST)):
@@ -126,13 +126,13 @@ def _difference(stepper: FixedStepper, pair: _Companions, n_steps: int) -> float
 
 
 def _companion(stepper: FixedStepper, n_steps: int) -> FixedStepper:
-    """Return a stepper of the same run with so many steps."""
+    """Return a stepper of the same run with n_steps steps."""
     steps = UniformSteps(stepper.t / n_steps)
     return FixedStepper(stepper.system, stepper.scheme, stepper.history, steps, n_steps)
 
 
 def _rows(stepper: FixedStepper, end: int) -> np.ndarray:
-    """Return the solution at the steps up to `end`, fewer where the march cannot go on, (k, d)."""
+    """Return the solution at the steps up to `end`, (k, d); fewer if the march cannot go on."""
     rows = [np.zeros((0, stepper.system.n_solved))]
     while stepper.position < end and stepper.trouble is None:
         piece = stepper.advance(end)

@@ -1,4 +1,4 @@
-"""Make one value of the arguments that say how to step, and open the engine's stepper."""
+"""From the arguments of a run to how it steps, and to the stepper of an engine."""
 
 from dataclasses import replace
 from typing import Any
@@ -40,11 +40,11 @@ def how_to_step(
     t_end : float
         End of the run, counted from its start.
     state : State, optional
-        Of the run that goes on: its steps are kept, or its tolerances where none are given.
+        State of the run that is resumed. Its steps are kept, and its tolerances if none are given.
     history : optional
-        As of `solve`. With a tolerance only the `tol` of its modes counts.
+        As for `solve`. With a tolerance only the `tol` of the modes counts.
     **how
-        n_steps, mesh, rtol, atol, max_step and max_steps as of `solve`. The mesh is False where the
+        n_steps, mesh, rtol, atol, max_step and max_steps as for `solve`. The mesh is False if the
         user could not give one.
     """
     if history is not None:
@@ -67,10 +67,10 @@ def open_stepper(
     allow_change: bool = False,
     directions: np.ndarray | None = None,
 ) -> tuple[Any, Any]:
-    """Return a stepper at the start of a run, or where its state was taken, and its last position.
+    """Return a stepper at the start of a run, or at a state, and its last position.
 
-    `how` is what `how_to_step` returns, `t_end` counts from the start, and `directions` are those
-    of tangents.
+    `how` is what `how_to_step` returned. `t_end` counts from the start. `directions` are those of
+    the tangents.
     """
     if system.delays:
         return _open_delayed(system, scheme, history, how, t_end, state, allow_change)
@@ -88,7 +88,7 @@ def _open_delayed(
     state: State | None,
     allow_change: bool,
 ) -> tuple[Any, Any]:
-    """Return a stepper of a system with delays, whose tables are its own, and its last position."""
+    """Return a stepper of a system with delays, with separate tables, and its last position."""
     delays, tables = system.delays, system.compiled_params.copy()
     system = replace(system, compiled_params=tables, delays=())
     own = state and replace(state, checkpoint=state.checkpoint[0])

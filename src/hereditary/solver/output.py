@@ -1,4 +1,4 @@
-"""Rows, dense output and events that a run keeps."""
+"""Rows, dense output and events of a run."""
 
 from __future__ import annotations
 
@@ -20,10 +20,10 @@ _SLACK = 8 * np.finfo(float).eps
 
 
 class Kept(NamedTuple):
-    """The rows that a run keeps.
+    """Which rows a run keeps.
 
-    These are every n-th step, or rows at the user's times (k,). `components` (k,) are those that
-    are kept, without dense output; None for all.
+    These are every n-th step, or rows at times of the user (k,). `components` (k,) are the
+    components that are kept, without dense output; None for all.
     """
 
     every: int
@@ -32,7 +32,7 @@ class Kept(NamedTuple):
 
 
 class Output:
-    """Rows, dense output and events of a run, taken piece by piece.
+    """Rows, dense output and events of a run, collected piece by piece.
 
     Parameters
     ----------
@@ -47,7 +47,7 @@ class Output:
     end : float
         Time up to which the run counts.
     ended : bool
-        Whether an event has ended it there.
+        Whether an event has ended the run at that time.
     """
 
     def __init__(self, stepper: Stepper, stop: float, kept: Kept, events: Events) -> None:
@@ -92,7 +92,7 @@ class Output:
         self._size = end
 
     def take(self, piece: Piece, start: float) -> None:
-        """Take in what follows from time `start` on, up to the event that ends the run in it."""
+        """Collect the dense output from time `start` on, up to an event that ends the run."""
         edges = np.append(piece.edges(), self._stepper.t)
         end = None
         if self.events.any:
@@ -111,7 +111,7 @@ class Output:
             self._add_last()
 
     def go_on(self, changed: bool | np.bool_) -> None:
-        """Go on from where the march stands, after y may have `changed` there."""
+        """Continue at the present time of the march, where y may have `changed`."""
         t, y = self._stepper.t, self._stepper.y
         self.ended = False
         if self._asked is not None:  # rows asked for at the very time are those after it
@@ -134,7 +134,7 @@ class Output:
         return chosen & (np.arange(first, first + chosen.size) % self._every == 0)
 
     def _take_wanted(self, piece: Piece) -> None:
-        """Take in the rows at given times."""
+        """Collect the rows at the times of the user."""
         last = self.end if self.ended else self.end * (1 + _SLACK)
         at_end = self._stepper.position == self._stop and not self.ended
         if self.events.interrupted:  # rows at the very time are those after it
@@ -149,7 +149,7 @@ class Output:
     def close(self, t_end: float) -> tuple[np.ndarray, np.ndarray, np.ndarray, Dense | None]:
         """Return times, rows, slopes and dense output: (n,), (n, d), (n, d), `Dense` or None.
 
-        Times are the user's, and `t_end` is.
+        Times, as `t_end`, are those of the user.
         """
         stepper, start = self._stepper, self._frame.start
         if self._asked is not None:

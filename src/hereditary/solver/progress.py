@@ -12,14 +12,14 @@ from ..support.checks import truth
 
 
 class ProgressBar:
-    """One line on a terminal or in a notebook: share done, time left; silent elsewhere.
+    """One line on a terminal or in a notebook: fraction done and time left; nothing elsewhere.
 
     Parameters
     ----------
     shown : bool
         Whether a bar is wanted at all.
     stream : text stream, optional
-        Where it goes; standard error by default.
+        Stream that the line is written to; standard error by default.
     """
 
     WIDTH = 30
@@ -34,7 +34,7 @@ class ProgressBar:
         self._drawn = -1.0
 
     def update(self, share: float) -> None:
-        """Show that `share` in [0, 1] is done."""
+        """Show that the fraction `share` in [0, 1] is done."""
         if not self._live:
             return
         spent = time.perf_counter() - self._began
@@ -57,7 +57,7 @@ class ProgressBar:
 
 
 def _in_notebook(stream: Any) -> bool:
-    """Return whether a stream is that of a notebook's kernel, which shows a line that moves."""
+    """Return whether a stream belongs to a notebook's kernel, where lines can be overwritten."""
     return type(stream).__module__.startswith("ipykernel.")
 
 
@@ -70,9 +70,9 @@ def _clock(seconds: float) -> str:
 class Interruption:
     """Count Ctrl-C, so that a run ends between two batches of steps.
 
-    The second Ctrl-C raises as usual, or the one after `counted` ones. So does one that came too
-    late to stop anything (`heeded` stays False). Outside the main thread, where no signal arrives,
-    it does nothing.
+    The second Ctrl-C raises as usual, or the one after `counted`. So does a Ctrl-C that came too
+    late to stop the run (`heeded` stays False). Outside the main thread, where no signal arrives,
+    nothing is counted.
     """
 
     def __init__(self, counted: int = 1) -> None:

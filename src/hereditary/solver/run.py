@@ -1,4 +1,4 @@
-"""The run: a march to its end, between looks at Ctrl-C and the progress bar."""
+"""The run: a march to its end, with checks for Ctrl-C and a progress bar between batches."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ _LITTLE = 100_000
 
 
 class Drive:
-    """Advance a march to given positions, and report how it ended if it stops earlier.
+    """March to given positions, and report how the march ended if it stops earlier.
 
     Parameters
     ----------
@@ -32,8 +32,8 @@ class Drive:
     end : int or float
         Position at which the whole run ends.
     advance : callable
-        ``advance(stop)`` marches a part of the way to `stop`. It returns None, or how the run ends
-        there as an `Ending`.
+        ``advance(stop)`` marches a part of the way to `stop`. It returns None, or an
+        `Ending` if the run ends.
     interruption : Interruption
     bar : ProgressBar
     """
@@ -50,7 +50,7 @@ class Drive:
         self._advance, self._interruption, self._bar = advance, interruption, bar
 
     def to(self, stop: float) -> Ending | None:
-        """March to `stop`; return None there, or how the march ended before."""
+        """March to `stop`; return None, or how the march ended before."""
         march = self._march
         while march.position < stop:
             ended = self._advance(stop) or march.trouble
@@ -72,10 +72,10 @@ def run(
     began: float,
     march: Callable[[Drive, Any], Ending | None] = Drive.to,
 ) -> Solution:
-    """March to position `stop`, the user's time `t_end`, or as far as it goes.
+    """March to position `stop`, the user's time `t_end`, or as far as possible.
 
-    Returns the `Solution`. `began` is when its preparation began, by time.perf_counter;
-    ``march(drive, stop)`` takes a `Drive` there.
+    Return the `Solution`. `began` is the time of time.perf_counter at which preparations began.
+    ``march(drive, stop)`` moves a `Drive` to `stop`.
     """
     ready = time.perf_counter()
     events = output.events
@@ -133,7 +133,7 @@ def run(
 
 
 def go_back(stepper: Stepper, checkpoint: tuple, t: float) -> None:
-    """Let a stepper come back to where `checkpoint` was taken, and march to the stop at time t."""
+    """Let a stepper return to `checkpoint`, and march to the stop at time t."""
     stepper.come_back(checkpoint)
     stop = stepper.stop_at(t).position
     while stepper.position < stop and stepper.trouble is None:
@@ -141,7 +141,7 @@ def go_back(stepper: Stepper, checkpoint: tuple, t: float) -> None:
 
 
 def note_missed(solution: Solution, stepper: Stepper) -> None:
-    """Warn if f is not what the steps of a successful run made of it where the run looked again."""
+    """Warn if f differs from its polynomial at a check point of a successful run."""
     missed = stepper.health.missed
     if solution.success and missed:
         t = missed + stepper.system.frame.start
@@ -161,9 +161,9 @@ def reached_end(stepper: Stepper) -> Status:
 
 
 def report(stepper: Stepper, ended: Ending) -> str:
-    """Return the status in a sentence with the run's numbers; warn of an early ending.
+    """Return the status in a sentence with numbers of the run; warn of an early ending.
 
-    An exception of a function called in Python is passed on instead.
+    An exception of a function in Python is raised by the caller instead.
     """
     inaccurate, health = Status.KERNEL_INACCURATE, stepper.health
     status, detail, error = ended

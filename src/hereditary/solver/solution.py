@@ -1,4 +1,4 @@
-"""Results of a run: the orbit, how it ended, and the state to go on from."""
+"""Results of a run: rows, status, and the state from which it can be resumed."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ _QUIET = (Status.COMPLETED, Status.EVENT, Status.INTERRUPTED)
 
 
 def warn_of(status: Status, message: str, unstable: bool = False) -> None:
-    """Warn, at the user's line, of an ending that was not asked for."""
+    """Warn, at the line of the user, of a status that the user did not ask for."""
     if unstable or status not in _QUIET:
         warn(message, StabilityWarning if unstable else SolveWarning)
 

@@ -1,4 +1,4 @@
-"""The front door of the solver: checks what is asked and hands it to a run."""
+"""`solve`: checks its arguments, opens a stepper, and makes a run."""
 
 from __future__ import annotations
 
@@ -292,7 +292,7 @@ def solve(
 def _begin(
     resume: State | None, scheme: Scheme, allow_change: bool, start: float, t_end: float
 ) -> float:
-    """Return the user's time at which a run to t_end begins: `start`, or that of a sound state."""
+    """Return the user's time at which a run to t_end begins: `start`, or that of a valid state."""
     if resume is None:
         if allow_change:
             remedy = "it allows another right-hand side than the state's"
@@ -309,7 +309,7 @@ def _begin(
 
 
 def _kept(equation: Equation, save_every: Any, times: np.ndarray | None, components: Any) -> Kept:
-    """Return what a run keeps, checked: `times` of rows, or every so many-th step."""
+    """Return which rows a run keeps, checked: rows at `times`, or every n-th step."""
     save_every = min(count("save_every", whole(save_every)), COUNTED)
     if save_every > 1 and times is not None:
         refuse("save_every", "be left out if t_eval names the rows to keep", save_every)
@@ -321,13 +321,13 @@ def _kept(equation: Equation, save_every: Any, times: np.ndarray | None, compone
 
 
 def _listed(functions: Any) -> tuple:
-    """Return a function, several or none as a tuple."""
+    """Return one function, several or none as a tuple."""
     functions = () if functions is None else functions
     return tuple(functions) if isinstance(functions, (list, tuple)) else (functions,)
 
 
 def run_end(name: str, t_end: Any, start: float) -> float:
-    """Return the end of a run, a number above its start."""
+    """Return the end of a run, checked to be a number above its start."""
     if start == 0:
         return positive(name, t_end)
     number = real(name, t_end)
@@ -337,7 +337,7 @@ def run_end(name: str, t_end: Any, start: float) -> float:
 
 
 def chosen_scheme(scheme: Any, rtol: Any, n_steps: Any, mesh: Any, resume: Any) -> Scheme:
-    """Return the scheme given, or the state's, or the default of the other arguments."""
+    """Return the given scheme, or that of the state, or the default for the other arguments."""
     if scheme is not None:
         return instance("scheme", scheme, Scheme, "hereditary.ExplicitCaputo()")
     if isinstance(resume, State) and (rtol is None or chooses_steps(resume.scheme)):
@@ -347,7 +347,7 @@ def chosen_scheme(scheme: Any, rtol: Any, n_steps: Any, mesh: Any, resume: Any) 
 
 
 def evaluation_times(t_eval: Any, t_start: float, t_end: float) -> np.ndarray | None:
-    """Return the times of rows that are asked for, checked; None where none are."""
+    """Return the requested times of rows, checked; None if there are none."""
     if t_eval is None:
         return None
     times = np.atleast_1d(real_array("t_eval", t_eval))

@@ -1,7 +1,7 @@
-"""Dense output: the solution of a run at any time, from its pieces.
+"""Dense output: the solution of a run at any time, from pieces on one or several steps.
 
-Between given steps pieces are parabolas. In the first two steps of a run they may be others
-(given/first_steps.py).
+On given steps the solution between two rows is a parabola. Inside the first two steps of a run it
+may have another form (given/first_steps.py).
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ class Piece:
     def evaluate(self, t: np.ndarray, second: np.ndarray, derivative: int) -> np.ndarray:
         """Return y, or y' for ``derivative=1``, at times t inside the steps, (k, d).
 
-        `second` (d,) tells the components whose first derivative was an unknown.
+        `second` (d,) marks the components whose first derivative was an unknown.
         """
         raise NotImplementedError
 
@@ -52,7 +52,7 @@ class Piece:
     def at_ends(
         self, ends: np.ndarray, chosen: Any, second: np.ndarray, slopes: bool = True
     ) -> tuple[np.ndarray, np.ndarray]:
-        """Evaluate as `evaluate_both` at the chosen ends of steps."""
+        """Return y and y' as `evaluate_both` does, at the chosen ends of steps."""
         return self.evaluate_both(ends[chosen], second, slopes)
 
 
@@ -82,7 +82,7 @@ class Dense:
         return any(piece.coarse for piece in self._pieces)
 
     def add(self, piece: Piece, start: float) -> None:
-        """Take in what follows from `start` on."""
+        """Append the dense output of steps that begin at time `start`."""
         self._pieces.append(piece)
         self._starts.append(start)
 
@@ -106,7 +106,7 @@ class Dense:
         return out if np.ndim(t) else out[0]
 
     def _evaluate(self, times: np.ndarray, derivative: int) -> np.ndarray:
-        """Return the components inside, or their slopes, at times inside, (k, d)."""
+        """Return components of the run, or their slopes, (k, d), at times of the run."""
         where = last_start(np.array(self._starts), times)
         if times.size and (where == where[0]).all():
             return self._pieces[where[0]].evaluate(times, self._second, derivative)
@@ -118,9 +118,9 @@ class Dense:
 
 
 def last_start(starts: np.ndarray, t: np.ndarray) -> np.ndarray:
-    """Return the last that starts by each time, or the first of several that start then.
+    """Return for each time the last start not after it, or the first of several equal starts.
 
-    Steps next to a singular start may be too short for its time to change.
+    Steps next to a singular start may be so short that time does not change.
     """
     last = starts.searchsorted(t, side="right") - 1
     first = starts.searchsorted(t, side="left")
@@ -133,13 +133,13 @@ class StepPieces(Piece):
     Parameters
     ----------
     times : ndarray, shape (k+1,)
-        Ends of the steps, the start in front [time].
+        Start of the first step, and ends of all steps [time].
     rows, slopes : ndarray, shape (k+1, d)
         Solution and first derivative there.
     starting : FirstSteps or None
-        The solution inside the first two steps of a run, where it is known there.
+        The solution inside the first two steps of a run, if it is known.
     n : int
-        Number of the step that the start is.
+        Number of steps before the first one.
     """
 
     coarse = False
@@ -166,7 +166,7 @@ class StepPieces(Piece):
     def at_ends(
         self, ends: np.ndarray, chosen: Any, second: np.ndarray, slopes: bool = True
     ) -> tuple[np.ndarray, np.ndarray]:
-        """Return y and y' at the chosen ones of the steps' ends, (k, d) each."""
+        """Return y and y' at the chosen ends of steps, (k, d) each."""
         return self.rows[1:][chosen], self.slopes[1:][chosen]
 
     def evaluate(self, t: np.ndarray, second: np.ndarray, derivative: int) -> np.ndarray:

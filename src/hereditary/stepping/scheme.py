@@ -1,4 +1,4 @@
-"""Schemes as equations and runs ask them: their order, and what equations they take."""
+"""The contract of schemes: their orders, and the equations that they accept."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from ..support.checks import one_of, refuse
 
 
 def check_smoothness(smoothness: str) -> None:
-    """Refuse anything but the two kinds of solutions that proven orders tell apart."""
+    """Refuse anything but "smooth" and "singular", the solutions that proven orders distinguish."""
     one_of("smoothness", smoothness, ("smooth", "singular"), 'be "smooth" or "singular"')
 
 
@@ -56,16 +56,16 @@ class Scheme(ABC):
 
     @property
     def orders(self) -> tuple[float, float]:
-        """Highest orders (low, high] of the equations that it solves."""
+        """Highest orders (low, high] of the equations that the scheme solves."""
         return 0.0, 2.0
 
     @property
     def is_map(self) -> bool:
-        """Whether its steps are the equation itself: they have no error and no stability limit."""
+        """Whether the steps are the equation itself, without error and without stability limit."""
         return False
 
     def check_terms(self, system: System) -> None:
-        """Refuse orders and terms that the scheme does not take."""
+        """Refuse orders and terms that the scheme cannot solve."""
         remedy = "use ExplicitCaputo, L1 or Collocation"
         name = type(self).__name__
         if system.read.any():
@@ -101,7 +101,7 @@ class Scheme(ABC):
         """Make the `Plan` (given/plan.py) for `system` with step h."""
 
     def reduction(self, system: System) -> System | None:
-        """Return a system to march instead, whose first d components are y, or None."""
+        """Return a system that is solved instead, whose first d components are y, or None."""
         return None
 
     def mesh_plan(self, system: System, times: np.ndarray) -> Any:

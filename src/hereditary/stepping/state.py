@@ -1,4 +1,4 @@
-"""States that a run leaves and another goes on from, and what both runs have in common."""
+"""States from which runs are resumed, and the properties that both runs must share."""
 
 import importlib.metadata
 from dataclasses import dataclass, field, is_dataclass, replace
@@ -22,7 +22,7 @@ _SHOWN = 120
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class State:
-    """Everything a run needs to go on, in arrays that cannot be changed; it pickles.
+    """Everything that a run needs to be resumed, in read-only arrays; it pickles.
 
     Attributes
     ----------
@@ -32,9 +32,9 @@ class State:
         Solution at `t`.
     scheme : Scheme
     how : UniformSteps, MeshSteps or Tolerance
-        How the run made its steps. Given steps are those made so far.
+        How the run chose its steps. Given steps are those made so far.
     history : History or None
-        Of given steps.
+        History of given steps; None with a tolerance.
     identity : dict
         Terms, right-hand side and more, by name; checked on resuming, as `version` and `layout`.
     checkpoint : tuple
@@ -60,7 +60,7 @@ class State:
 
 
 def go_on_from(state: State | None, stepper: Any, allow_change: bool) -> None:
-    """Let a stepper go on from a state, if there is one; refuse a solution that is not finite."""
+    """Restore a stepper from a state, if there is one; refuse a solution that is not finite."""
     if state is not None:
         stepper.restore(state, allow_change)
         if not np.all(np.isfinite(stepper.y)):
@@ -68,7 +68,7 @@ def go_on_from(state: State | None, stepper: Any, allow_change: bool) -> None:
 
 
 def state_of(stepper: Any, scheme: Scheme, how: Any, history: Any = None) -> State:
-    """Return the state of a stepper, which has an `identity` besides its checkpoint."""
+    """Return the state of a stepper from its checkpoint and its `identity`."""
     state = State(
         t=stepper.t,
         y=stepper.y,
@@ -84,14 +84,14 @@ def state_of(stepper: Any, scheme: Scheme, how: Any, history: Any = None) -> Sta
 
 
 def _arrays(part: Any) -> list[np.ndarray]:
-    """List the arrays of a tuple of arrays, tuples and others."""
+    """List the arrays in a nested tuple."""
     if isinstance(part, np.ndarray):
         return [part]
     return [array for each in part for array in _arrays(each)] if isinstance(part, tuple) else []
 
 
 def check_sound(state: Any) -> None:
-    """Refuse a state of another version, or with other arrays than those that a run left."""
+    """Refuse a state of another version, or with other arrays than those that were stored."""
     here, version = _version(), getattr(state, "version", "another one")
     if version != here:
         required = f"come from the same version of hereditary, here {here}"
@@ -102,7 +102,7 @@ def check_sound(state: Any) -> None:
 
 
 def layout_of(state: State) -> list[tuple]:
-    """Return the shape and the type of each array that compiled code is going to read."""
+    """Return the shape and the type of each array of a state that compiled code reads."""
     objects = (part for part in state.checkpoint if hasattr(part, "__dict__"))
     arrays = _arrays((state.y, state.checkpoint, *(tuple(vars(part).values()) for part in objects)))
     return [(array.shape, array.dtype.str) for array in arrays]
@@ -114,14 +114,14 @@ def _version() -> str:
 
 
 def identity(system: System, t: float, **how: Any) -> dict[str, Any]:
-    """Describe what a run to time t must share with one that resumes it, by name.
+    """Return the properties that a run to time t shares with a run that resumes it, by name.
 
     Parameters
     ----------
     system : System
     t : float
     **how
-        Scheme, tolerances and the like, in things that can be compared.
+        Further properties, such as the scheme or tolerances, as values that can be compared.
     """
     return {
         **how,
@@ -148,7 +148,7 @@ def described_terms(system: System, t: float) -> dict[str, list]:
 
 
 def check_identity(theirs: dict[str, Any], mine: dict[str, Any], allow_change: bool) -> bool:
-    """Refuse a state of another run; return whether it is one that was changed on purpose."""
+    """Refuse a state of another run; return whether the equation was changed on purpose."""
     changed = [name for name in mine if theirs[name] != mine[name]]
     for name in changed:
         if allow_change and name in _CHANGEABLE:
@@ -169,7 +169,7 @@ def _short(value: object) -> str:
 def described(description: Any) -> str:
     """Return a description of a frozen dataclass: its name and its values.
 
-    Schemes may be values, too.
+    A value may be a scheme, which is described likewise.
     """
     values = {
         key: value if value is None else described(value) if is_dataclass(value) else float(value)

@@ -74,7 +74,7 @@ class StabilityWarning(SolveWarning):
 
 
 class Ending(NamedTuple):
-    """End of a march or a run: its status, a clause for its message, and what was raised."""
+    """How a march or a run ended: status, a clause for the message, and the exception."""
 
     status: Status
     detail: str = ""
@@ -82,7 +82,7 @@ class Ending(NamedTuple):
 
 
 def failed(error: BaseException) -> Ending:
-    """Return the end of a run that an exception ended, by the function that raised it."""
+    """Return the `Ending` of a run by an exception, which names the function that raised it."""
     cause = original(error)
     if isinstance(cause, OrderFailed):
         return Ending(Status.ORDER_FAILED, str(cause), error)

@@ -1,4 +1,4 @@
-"""The contract of steppers: what a march of one equation owes to those who drive it."""
+"""The contract of steppers: what a march of one equation provides to its callers."""
 
 from __future__ import annotations
 
@@ -23,11 +23,11 @@ class Stop(NamedTuple):
 
 
 class Health(NamedTuple):
-    """Faults of a march that does go on.
+    """Faults of a march that can go on.
 
     - instability: status beyond a stability limit, else None; remedy: what shows it, and what to
       take instead, in a clause.
-    - misfit: by how much kernels miss their tolerance, in words; empty where they keep it.
+    - misfit: by how much kernels miss their tolerance, in words; empty if they keep it.
     - missed: a time at which f differs from its interpolant, or 0 [time].
     """
 
@@ -68,7 +68,7 @@ class Stepper(ABC):
     counted = True
 
     def set_breaks(self, times: np.ndarray, t_end: float) -> None:
-        """Let steps see jumps at these times, (k,), from their own side, in a run to t_end."""
+        """Let steps beside these times, (k,), evaluate f on their own side, in a run to t_end."""
         if times.size:
             refuse("breaks", f"be left out with {type(self).__name__}", shown(times))
 
@@ -78,7 +78,7 @@ class Stepper(ABC):
 
     @abstractmethod
     def advance(self, stop: float, keep: bool = True) -> Piece | None:
-        """Move on towards position `stop`; return the solution on the way if it is to be kept."""
+        """March some way towards position `stop`; return dense output of it if `keep` is true."""
 
     @property
     @abstractmethod
@@ -97,17 +97,17 @@ class Stepper(ABC):
 
     @property
     def ydot(self) -> np.ndarray:
-        """First derivative at `t`, NaN where there is none, shape (d,)."""
+        """First derivative at `t`, shape (d,); NaN for components without one."""
         return np.full_like(self.y, np.nan)
 
     @property
     def trouble(self) -> Ending | None:
-        """Why a march cannot go on, else None."""
+        """Why a march cannot go on, otherwise None."""
         return None
 
     @property
     def health(self) -> Health:
-        """Faults of a march that does go on; none by default."""
+        """Faults of a march that can go on; none by default."""
         return Health()
 
     def stats(self) -> dict[str, Any]:
@@ -116,11 +116,11 @@ class Stepper(ABC):
 
     @abstractmethod
     def checkpoint(self) -> tuple:
-        """Return copies of all that the march consists of."""
+        """Return copies of everything that a step changes."""
 
     @abstractmethod
     def come_back(self, checkpoint: tuple) -> None:
-        """Come back to where `checkpoint` was taken; it may be used again."""
+        """Return to the time at which `checkpoint` was taken; the checkpoint may be used again."""
 
 
 class ResumableStepper(Stepper):
@@ -128,17 +128,17 @@ class ResumableStepper(Stepper):
 
     @abstractmethod
     def state(self) -> State:
-        """Return a state from which another run goes on."""
+        """Return a state from which another run continues."""
 
     @abstractmethod
     def restore(self, state: State, allow_change: bool = False) -> None:
-        """Go on from `state`; `allow_change` admits another right-hand side or parameters."""
+        """Continue from `state`; `allow_change` admits another right-hand side or parameters."""
 
 
 class Grown(NamedTuple):
     """Growth of the tangents over a part of a march.
 
-    - piece: the solution on the way, or None.
+    - piece: dense output of this part, or None.
     - logs: for each renormalisation its mark, and the logarithms of the growth since the one
       before, (n, 1 + k).
     - lost: whether tangents overflowed or vanished.
@@ -150,7 +150,7 @@ class Grown(NamedTuple):
 
 
 class TangentStepper(Stepper):
-    """A stepper that solves tangents alongside."""
+    """A stepper that solves tangents together with the orbit."""
 
     @property
     @abstractmethod
@@ -162,10 +162,10 @@ class TangentStepper(Stepper):
         """Replace the tangents and all of their history by ``tangent @ matrix``, matrix (k, k)."""
 
     def grow(self, stop: float, schedule: Any) -> Grown:
-        """Move on towards position `stop` and make the tangents orthonormal when they are due.
+        """March towards position `stop`, and make the tangents orthonormal when that is due.
 
         This is Benettin's loop, one renormalisation a call: ``tangent = Q R``, and the tangents are
-        multiplied by the inverse of R. A stepper may do more of them in one call.
+        multiplied by the inverse of R. A stepper may make several renormalisations in one call.
 
         Parameters
         ----------

@@ -1,4 +1,4 @@
-"""Times at which runs stop: breaks, events, changes and ends, of which close ones are one."""
+"""Times at which runs stop: breaks, events, changes and ends. Nearly equal times count as one."""
 
 from typing import Any
 
@@ -23,9 +23,9 @@ def checked_breaks(breaks: ArrayLike, start: float) -> np.ndarray:
 
 
 def together(times: Any, t: Any, origin: float = 0.0) -> np.ndarray:
-    """Return whether times are one with t: breaks, events, changes and ends of runs act once there.
+    """Return whether times equal t up to rounding, so that what happens there happens at once.
 
-    Functions of the user see times from `origin` on, which are rounded there.
+    Users' functions get times with `origin` added, whose rounding counts.
     """
     return np.abs(times - t) <= _ONE_TIME * np.maximum(np.abs(t), abs(origin))
 

@@ -45,14 +45,14 @@ def refuse(
 
 
 def left_out(reason: str, remedy: str = "", **given: Any) -> None:
-    """Refuse arguments that are given."""
+    """Refuse arguments that are given although they must be left out."""
     for name, value in given.items():
         if value is not None:
             refuse(name, f"be left out {reason}", shown(value), remedy)
 
 
 def refusing(instead: dict[str, str]) -> Callable[[Callable[_P, _R]], Callable[_P, _R]]:
-    """Return a decorator that refuses keywords by name and says what to write `instead`."""
+    """Return a decorator that refuses keywords, and says what to write `instead` of each."""
 
     def decorator(function: Callable[_P, _R]) -> Callable[_P, _R]:
         @wraps(function)
@@ -133,7 +133,7 @@ def one_of(
     remedy: str = "",
     kind: type[Exception] = ValueError,
 ) -> Any:
-    """Return the one of the options that `value` is or equals; arrays equal none."""
+    """Return the option that `value` is or equals; an array equals none."""
     for option in options:
         if value is option or (np.isscalar(value) and value == option):
             return option
@@ -204,7 +204,7 @@ def instance(argument: str, value: Any, kind: type, example: str) -> Any:
 
 
 def _call_named(name: str, kind: type) -> str:
-    """Return a remedy: the call that makes the class of this kind with about this name; or ""."""
+    """Return a remedy, the call of the class of this kind with a name like `name`; or ""."""
     classes = [kind]
     for one in classes:
         classes += one.__subclasses__()

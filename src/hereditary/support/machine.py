@@ -1,4 +1,4 @@
-"""Cores and memory of the machine."""
+"""Cores and storage of the machine."""
 
 import os
 
@@ -13,7 +13,7 @@ def cores() -> int:
 
 
 def machine_storage() -> float:
-    """Return the bytes of memory that the machine has, where it says."""
+    """Return the bytes of main memory, if the system says."""
     try:
         return float(os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES"))
     except (AttributeError, OSError, ValueError):
