@@ -92,7 +92,7 @@ def _parser() -> argparse.ArgumentParser:
 def _halving_difference(
     equation: hd.Equation, solution: hd.Solution, arguments: argparse.Namespace
 ) -> str:
-    """Return differences to a run with half the steps: an error estimate at first order."""
+    """Return the differences to a run with half the steps: error estimates at first order."""
     half = arguments.n_steps // 2
     if arguments.n_steps % 2 or half == 0 or not solution.success:
         return "none (it needs an even number of steps and a completed run)"
@@ -130,7 +130,7 @@ def _report(solution: hd.Solution, parameters: dict[str, float], estimate: str) 
 
 
 def _draw(solution: hd.Solution, path: str) -> None:
-    """Oscillogram and velocity above each other, the phase portrait beside them."""
+    """Draw oscillogram and velocity above each other, and the phase portrait beside them."""
     with plt.style.context(plots.STYLE):
         figure, axes = plt.subplot_mosaic("xo;vo", figsize=(10, 5), layout="constrained")
         plots.oscillogram(solution, axes["x"])

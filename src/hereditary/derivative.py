@@ -151,7 +151,7 @@ class _Known:
     flat: bool
 
     def one(self, operator: Any, columns: Any) -> Any:
-        """Return the operator's value of the components `columns`, (n, k)."""
+        """Return the value of one operator on the components `columns`, (n, k)."""
         raise NotImplementedError
 
     def applied(self, terms: Any) -> np.ndarray:
@@ -174,7 +174,7 @@ class _Known:
         return total[:, 0] if self.flat else total
 
     def _at_start(self, operator: Any, columns: Any) -> Any:
-        """Return what y(0) adds to a Riemann-Liouville derivative, (n, k)."""
+        """Return the part of a Riemann-Liouville derivative that comes from y(0), (n, k)."""
         if not operator.from_zero:
             return 0.0
         with np.errstate(divide="ignore"):
@@ -201,7 +201,7 @@ class _Data(_Known):
         self._even = bool(np.abs(self.times - even).max() < _EVEN * self._h)
 
     def one(self, operator: Any, columns: Any) -> Any:
-        """Return the operator's value of increments, at all times."""
+        """Return the value of one operator at all times, from increments."""
         values = self._values[:, columns]
         if operator.derivative > 1:
             for _ in range(operator.derivative - 1):
@@ -221,7 +221,7 @@ class _Data(_Known):
         return found
 
     def _by_fft(self, system: System, _: Any, u: np.ndarray) -> np.ndarray:
-        """Sum on even times by one product of transforms."""
+        """Sum at equidistant times by one product of transforms."""
         plan, n = self._scheme.plan(system, self._h), len(u)
         weights, starts = plan.past.exact(n)
         size = scipy.fft.next_fast_len(2 * n, real=True)
@@ -231,7 +231,7 @@ class _Data(_Known):
         return sums / plan.rows.lead[0, 0]
 
     def _by_blocks(self, system: System, _: Any, u: np.ndarray) -> np.ndarray:
-        """Sum on any times, with Caputo's kernel."""
+        """Sum at any times, with Caputo's kernel."""
         past, n = self._scheme.mesh_plan(system, self.times).past, len(u)
         found, size, last = np.empty_like(u), max(1, _BLOCK // n), 0
         past.prepare(n)
@@ -243,7 +243,7 @@ class _Data(_Known):
         return found
 
     def _by_rows(self, system: System, operator: Any, u: np.ndarray) -> np.ndarray:
-        """Sum on any times, with the integrals of a general kernel."""
+        """Sum at any times, with the integrals of a general kernel."""
         kernel = operator.kernel if operator.derivative else Integrated(operator.kernel)
         slopes, found = u / np.diff(self.times)[:, None], np.empty_like(u)
         for n in range(len(u)):
@@ -253,7 +253,7 @@ class _Data(_Known):
 
 
 class _Function(_Known):
-    """A function of the time, by polynomials in u, t = T u**q."""
+    """A function of time as polynomials in u, with t = T u**q."""
 
     def __init__(self, function: Any, times: np.ndarray, t_start: float) -> None:
         self._function, self._start, self.times = function, t_start, times
@@ -264,7 +264,7 @@ class _Function(_Known):
         self.y0, self.flat = first.reshape(-1).astype(float), first.ndim == 1
 
     def one(self, operator: Any, columns: Any) -> Any:
-        """Return the operator's value, at all times."""
+        """Return the value of one operator at all times."""
         m, kernel, total = operator.derivative, operator.kernel, self._end
         whole = kernel is None and operator.order == m
         order = operator.order if kernel is None else kernel.singular_exponent
@@ -300,7 +300,7 @@ class _Function(_Known):
         return found
 
     def _series(self, q: Any) -> Any:
-        """Return a power, 1 or q, and the Chebyshev series of y in u on [0, 1] that resolves it."""
+        """Return a power, 1 or q, and the Chebyshev series of y in u with t = T u**power."""
 
         def of_u(x: Any) -> Any:
             values = np.asarray(self._function(self._start + self._end * ((x + 1) / 2) ** power))
@@ -323,7 +323,8 @@ class _Function(_Known):
 def _interpolated(function: Any, degree: int) -> Any:
     """Return the Chebyshev series that interpolates a function on [-1, 1], to rounding.
 
-    NumPy's matrix leaves forty times as much, which derivatives multiply by powers of the degree.
+    The matrix of NumPy's function has rounding errors forty times as large, which derivatives
+    amplify by powers of the degree.
     """
     n = degree + 1
     series = scipy.fft.dct(function(np.cos(np.pi * (np.arange(n) + 0.5) / n)), axis=0) / n

@@ -68,7 +68,7 @@ class Ensemble:
 
     @property
     def success(self) -> np.ndarray:
-        """Whether each run completed, inside the scheme's stability limit; shape (E,)."""
+        """Whether each run was completed, inside the stability limit of the scheme; shape (E,)."""
         return self.status == Status.COMPLETED.value
 
     def __len__(self) -> int:
@@ -189,7 +189,7 @@ def ensemble(
 
 
 def _kept(steps: Any, save_every: int, times: np.ndarray | None, start: float) -> np.ndarray:
-    """Return the numbers of the steps whose rows are kept, the start being 0."""
+    """Return the numbers of the steps whose rows are kept; the start has the number 0."""
     if times is None:
         return np.append(np.arange(0, steps.n, min(save_every, steps.n)), steps.n)
     if save_every > 1:
@@ -278,10 +278,10 @@ def _inside(equation: Equation, values: Any) -> Any:
 
 
 class _Run:
-    """Members under way: rows of those that are done, and how each ended.
+    """Members of which some are solved: their rows, and how each ended.
 
-    `kept` (n,) are the numbers of those of the `UniformSteps` whose rows are kept; both are None
-    where steps are chosen on the way.
+    `kept` (n,) are the numbers of the steps, of `UniformSteps`, whose rows are kept. Both are None
+    if a tolerance chooses steps.
     """
 
     def __init__(
@@ -330,7 +330,7 @@ class _Run:
             bar.close()
 
     def _worker(self) -> Callable:
-        """Return a function that takes members that are left, `most` or all of them."""
+        """Return a function that solves remaining members: `most` of them, or all."""
         base, one = self._members.base, self._solve
         # a function that is called in Python reads the parameters of its own equation
         if self._kept is not None and not (base.system.callbacks or base.system.delays):
@@ -356,7 +356,7 @@ class _Run:
         return work
 
     def _march(self, stepper: Any, end: float, m: int) -> None:
-        """March a member to step `end`, by a stepper that others take too."""
+        """March member m to step `end`, by a stepper that several members use."""
         kept, frame = self._kept, self._members.base.system.frame
 
         def advance(stop: float) -> None:
@@ -383,7 +383,7 @@ class _Run:
         self._ends[m] = (ended.status, message, counts["n_steps"], counts["n_rhs"])
 
     def _solve(self, m: int) -> None:
-        """Solve a member by itself."""
+        """Solve member m by `solve`."""
         found: Any
         self._y[m], self._ydot[m] = np.nan, np.nan
         try:

@@ -245,7 +245,7 @@ def _initial(y0: ArrayLike, order: float) -> np.ndarray:
 
 
 def _merged(orders: ArrayLike, coefficients: ArrayLike) -> tuple[np.ndarray, np.ndarray]:
-    """Return distinct orders, increasing, and their coefficients, none of them 0."""
+    """Return the distinct orders, increasing, and their coefficients, without zeros."""
     a = np.atleast_1d(orders_up_to_2(orders))
     c = np.atleast_1d(real_array("coefficients", coefficients))
     if c.shape != a.shape:
@@ -260,7 +260,7 @@ def _merged(orders: ArrayLike, coefficients: ArrayLike) -> tuple[np.ndarray, np.
 def _forces(
     forcing: Iterable[tuple[float, float]], highest: float
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return powers and amplitudes, none of them 0."""
+    """Return powers and amplitudes of the forcing, without zeros."""
     required = "be pairs (amplitude, power), with power above -1 and above minus the highest order"
     pairs = real_array("forcing", [*forcing] or np.zeros((0, 2)), required)
     if pairs.shape[1:] != (2,) or np.any(pairs[:, 1] <= -min(1.0, highest)):
@@ -270,7 +270,7 @@ def _forces(
 
 
 def _callable(at: Callable[[np.ndarray], np.ndarray], start: np.ndarray) -> ExactSolution:
-    """Return a solution for all t >= 0 from one for t > 0."""
+    """Return a solution for all t >= 0 from a function for t > 0 and the values at the start."""
 
     def solution(t: ArrayLike) -> np.ndarray:
         required = "be finite numbers of at least 0, one or of shape (n,)"
@@ -287,17 +287,17 @@ def _callable(at: Callable[[np.ndarray], np.ndarray], start: np.ndarray) -> Exac
 
 @dataclass(frozen=True)
 class _Exponentials:
-    """``sum_j coefficients[j] exp(exponents[j] u)``; values are divided by exp(log_scale)."""
+    """``sum_j coefficients[j] exp(exponents[j] u)``, with values divided by exp(log_scale)."""
 
     exponents: np.ndarray
     coefficients: np.ndarray
 
     def log_terms(self, x: np.ndarray) -> np.ndarray:
-        """Return the logarithm of each term's size, shape (..., n_terms)."""
+        """Return the logarithm of the size of each term, shape (..., n_terms)."""
         return np.log(np.abs(self.coefficients)) + np.multiply.outer(x, self.exponents)
 
     def log_size(self, x: np.ndarray) -> np.ndarray:
-        """Return the logarithm of the largest term."""
+        """Return the logarithm of the size of the largest term."""
         return self.log_terms(x).max(axis=-1, initial=-np.inf)
 
     def at(self, u: np.ndarray, log_scale: np.ndarray, derivative: int = 0) -> np.ndarray:
@@ -313,7 +313,7 @@ class _Exponentials:
 
 
 def _halves(a: np.ndarray, c: np.ndarray, m: int) -> tuple[_Exponentials, _Exponentials]:
-    """Return ``P = sum c_j s**(a_j - m)`` over a_j > m, and its value at zeros of F."""
+    """Return ``P = sum c_j s**(a_j - m)`` over a_j > m, and the form of P at zeros of F."""
     high = a > m
     return _Exponentials(a[high] - m, c[high]), _Exponentials(a[~high] - m, -c[~high])
 
@@ -354,7 +354,7 @@ class _Transform:
         return value
 
     def invert(self, t: np.ndarray, z: np.ndarray, scale: float) -> np.ndarray:
-        """Integral of ``exp(s t) (Y - poles split off)`` and the poles' share, shape (n, d)."""
+        """Return the integral of ``exp(s t) (Y - split poles)`` plus that of the poles, (n, d)."""
         x, v = math.log(scale) - np.log(t), np.log(ZETA)
         log_scale = self.below.log_size(x)
         shape = np.exp(scale * ZETA) * WEIGHTS
@@ -396,7 +396,7 @@ def _zeros(f: _Exponentials) -> np.ndarray:
 
 
 def _turns(f: _Exponentials, start: complex, end: complex) -> float:
-    """Return the turns of F around 0 from start to end, by small intervals."""
+    """Return how often F turns around 0 from start to end, by small intervals."""
     z = np.linspace(start, end, 400)
     for _ in range(40):
         value = f.at(z, f.log_size(z.real))
@@ -409,7 +409,7 @@ def _turns(f: _Exponentials, start: complex, end: complex) -> float:
 
 
 def _newton(f: _Exponentials, u: np.ndarray) -> np.ndarray:
-    """Return the limits of Newton's iteration from all the starts, and the conjugates."""
+    """Return the limits of Newton's iteration from all starts, and their conjugates."""
     for _ in range(80):
         scale = f.log_size(u.real)
         step = f.at(u, scale) / (f.at(u, scale, derivative=1) + 1e-200)

@@ -6,7 +6,7 @@ order in which these are given. A terminal event ends the run.
 
 Right-hand sides that jump are evaluated on one side until the run has located the change of sign.
 Trial points of a step may be beyond the switch. There the right-hand side has the value of the
-nearest point that is still on its side. Steps therefore meet no jump, and their polynomials cross
+nearest point on the side of the march. Steps therefore meet no jump, and their polynomials cross
 the switch where the solution does.
 """
 
@@ -90,7 +90,7 @@ class Hybrid:
     events, switches : tuple of callable
         The user's functions; an event may have an attribute ``change(t, y)``.
     changes : Mapping of float and callable
-        Changes of y at stated times, the user's.
+        Changes of y at stated times of the user.
 
     Attributes
     ----------
@@ -170,9 +170,9 @@ class Hybrid:
                 return None
 
     def _act(self, output: Output) -> Ending | None:
-        """Do what is due at the present time, in the order of the module's description.
+        """Execute what is due at the present time, in the order of the module's description.
 
-        Returns the `Ending` if this ends the run, otherwise None.
+        Return the `Ending` if this ends the run, otherwise None.
         """
         stepper, events, t = self._stepper, self._events, self._stepper.t
         fired, stuck, before = events.fired, events.stuck, stepper.y
@@ -200,7 +200,7 @@ class Hybrid:
         return Ending(Status.EVENT_FAILED, events.failure) if events.failure else None
 
     def _take_sides(self) -> None:
-        """Let the right-hand side be evaluated on the present side of each switch."""
+        """Let the right-hand side be evaluated on the side of each switch where y is now."""
         for number, side in zip(self._signs, self._events.sides, strict=True):
             self._stepper.set_parameter(number, side)
 
@@ -209,7 +209,7 @@ class Hybrid:
         return getattr(self._functions[number], "__name__", repr(self._functions[number]))
 
     def _piles_up(self, number: int) -> bool:
-        """Note a change by an event; return whether they follow each other without end."""
+        """Record a change by an event; return whether its changes accumulate without end."""
         times, t = self._times[number], self._stepper.t
         times.append(t)
         first = times[-2] if len(times) > 1 else self._start
@@ -224,7 +224,7 @@ class Hybrid:
         return last <= _AT_ONCE * size or max(last, before) <= close
 
     def _change(self, change: Any) -> Ending | None:
-        """Set the y that ``change(t, y)`` returns; return the `Ending` if it fails."""
+        """Set y to the value of ``change(t, y)``; return the `Ending` if that fails."""
         stepper = self._stepper
         frame, inside = stepper.system.frame, stepper.y
         y = frame.values(inside)
@@ -256,23 +256,23 @@ def _stated(changes: Mapping[float, Callable], start: float) -> list[tuple[float
 
 
 def nearest(t: float, times: np.ndarray, origin: float) -> float:
-    """Return the one of the times (k,) that counts as equal to t, or t itself."""
+    """Return the element of `times` (k,) that counts as equal to t, or t itself."""
     same = times[together(times, t, origin)]
     return float(same[0]) if same.size else t
 
 
 class HybridEvents(Events):
-    """Zeros along a run that continues after several of them.
+    """Zeros of event functions along a run that continues after some of them.
 
     Parameters
     ----------
     functions : sequence of callable
         Events, and then switches.
     acting : sequence of bool
-        Which of them interrupt the march.
+        Which functions interrupt the march.
     n_events : int
     stepper, signs
-        As of `Events`.
+        As for `Events`.
     known : ndarray, shape (k,)
         Times at which the run stops in any case.
 
@@ -312,7 +312,7 @@ class HybridEvents(Events):
         super().__init__(functions, stepper, signs, n_events)
 
     def go_on(self, before: np.ndarray, stepper: JumpingStepper) -> None:
-        """Continue from the present time, before which the components (d,) were `before`."""
+        """Continue from the present time, at which the components (d,) were `before` the change."""
         t, y = stepper.t, stepper.y
         values, known, ways = [], [], {}
         for number, function in enumerate(self._functions):
@@ -326,9 +326,10 @@ class HybridEvents(Events):
     def _way(
         self, number: int, then: float, now: float, before: np.ndarray, stepper: JumpingStepper
     ) -> Way | None:
-        """Return the `Way` of an event that was `then` before a change; None if off its zero.
+        """Return the `Way` of an event that was `then` before a change; None if that is not 0.
 
-        Events without changes may also have found the zero at which another event acted.
+        The event may also be one without changes, which found the zero at which another event
+        acted.
         """
         acted, counted = number in self.fired, self._counted
         sign = self.fired[number] if acted else self._after[number]
@@ -350,7 +351,7 @@ class HybridEvents(Events):
         after: list[float],
         ways: dict[int, Way | None] | None = None,
     ) -> None:
-        """Begin at time t, as `Events` do; `ways` are those of events that have just changed y."""
+        """Start at time t, as `Events` do; `ways` are those of events that have just changed y."""
         # the last value seen is kept: so a zero between two calls is found exactly once
         earlier = self._last if t == self._start else {}
         self._last, self.fired, self._ways = earlier | self.fired, {}, ways or {}
@@ -371,9 +372,9 @@ class HybridEvents(Events):
         self.sides = self._after[self.n_events :]
 
     def leave_switches(self, stepper: JumpingStepper) -> None:
-        """Let switches count as on the side of the march, if f leads away from their zeros.
+        """Set switches to the side of the march if f leads away from their zeros.
 
-        Errors may put the start on the other side of a zero.
+        Errors may have put the start on the other side of a zero.
         """
         for number in range(self.n_events, len(self._functions) if not self._counted else 0):
             value, y = partial(value_of, self._functions[number]), stepper.y
@@ -383,7 +384,7 @@ class HybridEvents(Events):
                 self._ways[number] = Way(side, side, 0.0, error, False)
 
     def look(self, edges: np.ndarray, at: Callable) -> float | None:
-        """Search between `edges` as `Events` do; also end where a function acts."""
+        """Locate zeros between `edges` as `Events` do, and also end where a function acts."""
         end = super().look(edges, at)
         reached = edges[-1] if end is None else end
         if self._counted:
@@ -393,7 +394,7 @@ class HybridEvents(Events):
         return end
 
     def _looked_at(self, times: np.ndarray, edges: np.ndarray) -> np.ndarray:
-        """Return the times of an interval with `edges` at which functions are evaluated."""
+        """Return the times, between these edges, at which functions are evaluated."""
         self._returns: list[tuple[float, int, float]] = []
         if edges[0] == self._start and self._last and not self._counted:
             # just after a change two zeros may be arbitrarily close to each other
@@ -442,20 +443,20 @@ class HybridEvents(Events):
         return t <= self._start or bool(together(t, self._start, self._origin))
 
     def _soon(self, edges: np.ndarray) -> float:
-        """Return the time up to which a zero follows the start at once."""
+        """Return the time up to which a zero counts as following the start at once."""
         rounded = self._start * (1 + _RETURN_TIME)
         if edges[0] > self._start:
             return rounded
         return max(rounded, self._start + self._at_once * (edges[1] - edges[0]))
 
     def _comes_back(self, number: int, t: float, sign: float, edges: np.ndarray) -> bool:
-        """Return whether the run has just continued from this zero at t."""
+        """Return whether the zero at t is the one from which the run has just continued."""
         if number >= self.n_events:
             return number in self._last and t <= self._soon(edges)
         return not self._counted and self._last.get(number) == sign and self._is_start(t)
 
     def _end(self, end: float, found: list[tuple[float, int, float]], edges: np.ndarray) -> float:
-        """Return where the march ends: by a terminal event, or by a function that acts."""
+        """Return the time at which the march ends, by a terminal event or a function that acts."""
         acting = [one for one in found if self._acting[one[1]]] + self._returns
         stands = self._stop_at(min(acting)[0]).t if acting else math.inf
         last = self._stop_at(end).t if acting and end < math.inf else end
@@ -475,7 +476,7 @@ class HybridEvents(Events):
         return end
 
     def _keep(self, found: list[tuple[float, int, float]], end: float, at: Callable) -> None:
-        """Take in zeros up to `end`, and the signs just after it."""
+        """Store zeros up to `end`, and the signs just after it."""
         super()._keep(found, end, at)
         for number in self.fired:
             if number >= self.n_events:  # whose zero may lie at the end itself
@@ -487,7 +488,7 @@ class HybridEvents(Events):
 
 
 class Way:
-    """The direction of an event that has just changed y and is still at its zero: through, or back.
+    """Whether an event that has just changed y at its zero passes through the zero or turns back.
 
     A bounce turns back. A counter, or a force that is switched, lets the solution pass. Next to the
     zero errors and rounding hide the direction, so slopes decide.
@@ -499,7 +500,7 @@ class Way:
     sign : float
         Sign with which it continues; 0 if unknown.
     value, error : float
-        Its value at the change, and the error of this value.
+        Value of the event at the change, and the error of this value.
     counted : bool
         Whether steps are given, so that the change is at one of them, after the zero.
 
@@ -517,9 +518,9 @@ class Way:
         self._far, self._steps = abs(value), 0
 
     def settle(self, values: np.ndarray) -> bool:
-        """Set the first of the values over the next step, which errors hide.
+        """Set the sign of the first values over the next step, which errors hide.
 
-        Returns whether errors hide the whole way back from a turn, as in a short bounce.
+        Return whether errors hide the whole way back from a turn, as in a short bounce.
         """
         scale = np.nanmax(np.abs(values))
         error = min(2 * self._error, _MISPLACED * scale) if self.sign else 0.0
@@ -531,9 +532,9 @@ class Way:
         return self.sign == -self.before == -np.sign(values[clear])
 
     def follow(self, values: np.ndarray) -> int | None:
-        """Let values of an event that is returning count as returned until it has returned.
+        """Let the values of an event that is returning have the sign that follows the return.
 
-        Returns the number of the value at which it turns away again, or None.
+        Return the index of the value at which it turns away again, or None.
         """
         for i, value in enumerate(values[1:].tolist(), 1):
             self._steps = self._steps + 1 if abs(value) > self._far else 0
@@ -547,7 +548,7 @@ class Way:
 
 
 def uncertainty(value: Callable[[float, np.ndarray], float], stepper: JumpingStepper) -> float:
-    """Return the error of an event's value at the present time, by errors of y."""
+    """Return the error of the value of an event at the present time, by errors of y."""
     t, y = stepper.t, stepper.y
     allowed = stepper.uncertainty
     signs = np.ones(y.size), (-1.0) ** np.arange(y.size)
@@ -569,9 +570,9 @@ def sign_ahead(
 ) -> float:
     """Return the sign of an event after a change of y; 0 if it is unknown.
 
-    It is the sign of its slope along the motion there. A motion that comes to rest has turned back.
-    ``value(t, y)`` is the event. Before the change, y was `before` (d,). `crossed` is true if the
-    event had passed through its zero.
+    It is the sign of the slope of the event along the motion. A motion that comes to rest has
+    turned back. ``value(t, y)`` is the event. Before the change, y was `before` (d,). `crossed`
+    says whether the event had passed through its zero.
     """
     t, system, slopes = stepper.t, stepper.system, []
     if system.read.any():

@@ -150,7 +150,7 @@ def solve_ivp(
 
 
 def _further(args: Any) -> tuple:
-    """Return further arguments as a tuple; refuse what is no sequence, as SciPy does."""
+    """Return further arguments as a tuple; refuse anything but sequences, as SciPy does."""
     if args is None:
         return ()
     refuse_masked("args", args, "hold no masked entries")
@@ -161,7 +161,7 @@ def _further(args: Any) -> tuple:
 
 
 def _constant(jac: Any) -> Any:
-    """Return a function of t and y whose value is this matrix, an array or a sparse one."""
+    """Return a function of t and y with this matrix, dense or sparse, as its value."""
     required = "be a function jac(t, y, *args), or a matrix of shape (n, n)"
     matrix = real_array("jac", jac.toarray() if hasattr(jac, "toarray") else jac, required)
     if matrix.ndim != 2 or matrix.shape[0] != matrix.shape[1]:

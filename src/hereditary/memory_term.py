@@ -1,4 +1,4 @@
-"""A memory term that another program steps by itself."""
+"""A memory term that another program advances step by step."""
 
 from __future__ import annotations
 
@@ -31,9 +31,9 @@ _CORRECTED = 1
 class MemoryTermState(NamedTuple):
     """Everything that a resumed `MemoryTerm` needs.
 
-    It has the arguments of the term, the number of steps and the step whose block is open. It has u
-    (W,), and h v0 and term0 (2, W). It also has lag and newest pieces of the block, and the memory
-    of older ones.
+    These are the arguments of the term, the number of steps, and the step at which the open block
+    begins. Arrays are u (W,), and h v0 and term0 (2, W). The others are lag and newest pieces of
+    the block, and the memory of older pieces.
     """
 
     made: dict
@@ -95,7 +95,7 @@ class MemoryTerm:
 
     @property
     def weight(self) -> float:
-        """Factor of the unknown; the first step of `L12` and `L2Sigma` has one of its own."""
+        """Factor of the unknown; the first step of `L12` and of `L2Sigma` has another factor."""
         return self._factor(self._plan.rows.scale) / self._factor(self._plan.rows.lead)
 
     @property
@@ -123,7 +123,7 @@ class MemoryTerm:
         return known
 
     def _open(self) -> None:
-        """Let the memory add everything older than the block that starts here to its lag."""
+        """Open the block that begins here: the memory adds all older pieces to its lag."""
         n, memory = self.n, self._memory
         memory.prepare(min(n + BLOCK, self._how["steps"]))
         memory.reach(n, self._pieces, self._groups)
@@ -131,7 +131,7 @@ class MemoryTerm:
         open_lag(self._lag, self._pieces, n, self._groups, memory.block_weights, known)
 
     def absorb(self, u: ArrayLike) -> None:
-        """Take in the solution at the end of a step.
+        """Add the solution at the end of a step to the memory.
 
         Parameters
         ----------
@@ -163,7 +163,7 @@ class MemoryTerm:
         return MemoryTermState(*done, self._u.copy(), start, *block, self._memory.state())
 
     def _made(self, n: int) -> dict[str, Any]:
-        """Describe what a term must share with the term of a restored state at step n."""
+        """Return the properties that a term shares with that of a restored state at step n."""
         terms = described_terms(self._system, n * self._h)
         return {**self._how, **terms, "shape": self._shape, "h": self._h}
 
@@ -291,7 +291,7 @@ def _operator(kernel_or_order: Any) -> Any:
 
 
 def _alone(operator: Any) -> System:
-    """Return the system whose left side is this operator, and f = 1."""
+    """Return the system with this operator as its left side, and f = 1."""
     term = Term(operator, 1.0).plain()
     own = getattr(term.operator, "order", ())  # a kernel has none
     left = left_side((term,), term.coefficient.reshape(1, 1), np.reshape(own, (-1, 1)), 0.0)
@@ -306,7 +306,7 @@ def _one(t: float, y: np.ndarray, dy: np.ndarray, params: np.ndarray) -> None:
 
 
 def _plan(scheme: Scheme, system: System, h: float) -> Plan:
-    """Return the scheme's plan, or refuse a scheme whose steps are more than one equation."""
+    """Return the plan of a scheme; refuse a scheme whose steps are more than one equation."""
     required = "solve one equation a step here"
     remedy = "use BDF(1), BDF(2), L1, or up to order 1 L12, L2 or L2Sigma"
     if scheme.solve == "newton":
@@ -319,7 +319,7 @@ def _plan(scheme: Scheme, system: System, h: float) -> Plan:
 
 
 def _array(name: str, values: Any, shape: tuple[int, ...]) -> np.ndarray:
-    """Return numbers of the shape of u0, or say why they are not."""
+    """Return numbers in the shape of u0; refuse any other shape."""
     found = real_array(name, values)
     if found.shape not in (shape, ()):
         refuse(name, f"have the shape of u0, {shape}", f"shape {found.shape}")

@@ -1,4 +1,4 @@
-"""Machine code for which first runs would wait, made ahead of them."""
+"""Compilation, in advance, of the machine code for which first runs would wait."""
 
 import multiprocessing
 import os
@@ -23,9 +23,9 @@ _MANY = 12
 def precompile() -> int:
     """Compile the loops that take seconds into the cache on disk; return the number of runs.
 
-    These are not run, and take at most a second each: SuperLU's solvers, and direct sums on meshes
-    and of orders that vary. Others are memory terms of other programs, and the divergence of
-    orbits. Two processes share the runs.
+    Loops that take at most a second each are not compiled. They are SuperLU's solvers, direct sums
+    on meshes and of orders that vary, memory terms of other programs, and the divergence of orbits.
+    Two processes share the runs.
     """
     spawn = multiprocessing.get_context("spawn")
     with ProcessPoolExecutor(2, mp_context=spawn) as processes:
@@ -43,7 +43,7 @@ def precompile_into(folder: str) -> None:
 
 
 def _run_all(listed: Callable[[], list[Callable[[], Any]]]) -> int:
-    """Run what a function lists; return how many runs there are."""
+    """Make the runs that a function lists; return how many there are."""
     runs = listed()
     for run in runs:
         found = run()
@@ -63,7 +63,7 @@ def _few_and_many() -> tuple[hd.Equation, hd.Equation, hd.Equation]:
 
 
 def _by_tolerance() -> list[Callable[[], Any]]:
-    """List short runs that enter all compiled loops of `rtol=`, and the functions of its march."""
+    """List short runs that call all compiled loops of `rtol=`, and the functions of its march."""
     wave, orders = np.ones(_MANY), np.linspace(0.5, 0.9, _MANY)
     one, *many = _few_and_many()
     swinging = hd.Memory(hd.Prony([1.0 - 3.0j, 1.0 + 3.0j], [0.5, 0.5]), 0)
@@ -81,7 +81,7 @@ def _by_tolerance() -> list[Callable[[], Any]]:
 
 
 def _on_given_steps() -> list[Callable[[], Any]]:
-    """List short runs that enter all other compiled loops."""
+    """List short runs that call all other compiled loops."""
     (one, dense, band), varying = _few_and_many(), _equation(lambda t: 0.5 + 0.0 * t)
     linear = _equation(0.5, np.ones(_MANY), linear=-np.eye(_MANY))
     steps, explicit, implicit = {"n_steps": 40}, hd.ExplicitCaputo(), hd.L1()

@@ -1,7 +1,7 @@
 """Viscoelastic models of springs, dashpots and spring-pots, in series and in parallel.
 
 A model has a stiffness Q(s): with Laplace transforms, stress = Q(s) strain for a body at rest
-before t = 0. Parallel models add Q, models in series add 1/Q. What a model does follows from
+before t = 0. Parallel models add Q, models in series add 1/Q. The responses of a model follow from
 ``Q(s)/s = viscosity + g(s)`` and ``1/Q(s) = compliance + c(s)``, where g and c vanish at infinity.
 The transform of the relaxation modulus is g, that of the rate of creep is c.
 """
@@ -63,11 +63,11 @@ class Model:
     """A viscoelastic model; see `SpringPot`, `series` and `parallel`."""
 
     def _split(self, s: np.ndarray) -> tuple[tuple[float, np.ndarray], tuple[float, np.ndarray]]:
-        """Return (viscosity, g) and (compliance, c) at complex s."""
+        """Return (viscosity, g) and (compliance, c) of the model at complex s."""
         raise NotImplementedError
 
     def _rest(self, half: int, s: np.ndarray) -> np.ndarray:
-        """Return g or c at complex s."""
+        """Return g or c, as `half` selects, at complex s."""
         return self._split(s)[half][1]
 
     def stiffness(self, s: ArrayLike) -> np.ndarray:
@@ -110,7 +110,7 @@ class Model:
 
     @cached_property
     def operator(self) -> Terms:
-        """Operator that makes stress of strain, for equations: ``stress = operator strain``.
+        """Operator from strain to stress, for equations: ``stress = operator strain``.
 
         The strain is 0 before t = 0. An oscillator on this body has the terms ``mass * Caputo(2) +
         model.operator``.
@@ -119,15 +119,15 @@ class Model:
 
     @cached_property
     def rate_operator(self) -> Terms:
-        """Operator that makes the rate of the strain of the stress."""
+        """Operator from stress to the rate of the strain."""
         return self._terms(1)
 
     def _summands(self, half: int) -> tuple[Model, ...]:
-        """Return models whose g or c add up to that of this one."""
+        """Return models whose g, or c, add up to that of this model."""
         return (self,)
 
     def _terms(self, half: int) -> Terms:
-        """Return the operator of g or c: those of spring-pots, and one kernel for the others."""
+        """Return the terms of g or c: those of spring-pots, and one kernel for all other parts."""
         summands = self._summands(half)
         terms = [one._operator(half) for one in summands if isinstance(one, SpringPot)]
         others = tuple(one for one in summands if not isinstance(one, SpringPot))
@@ -214,7 +214,7 @@ class SpringPot(Model):
         return (0.0, stiffness / s), (0.0, 1 / stiffness)
 
     def _operator(self, half: int) -> Summand:
-        """Return the operator that makes stress of strain, or the rate of strain of stress."""
+        """Return the operator from strain to stress, or from stress to the rate of strain."""
         order = 1 - self.order if half else self.order
         operator = Caputo(order) if order else Memory(Prony([0.0], [1.0]), 1)
         return operator / self.modulus if half else self.modulus * operator
@@ -323,7 +323,7 @@ class ModuliFit:
     parameters, standard_errors : dict
         By name; errors by the linear theory of least squares, NaN at a bound.
     model : Model
-        With these parameters.
+        The model with these parameters.
     residuals : ndarray, shape (2, n)
         ``log(model / data)`` of G' and of G''.
     success : bool

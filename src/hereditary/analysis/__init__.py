@@ -1,1 +1,1 @@
-"""Questions asked of schemes and steppers."""
+"""Studies of equations and schemes: convergence, exponents, fits, sweeps, sections, responses."""

@@ -57,7 +57,7 @@ class IdentifiabilityWarning(UserWarning):
 class Series(NamedTuple):
     """Data at increasing times, and their standard deviations.
 
-    t (n,), data (n, k), NaN where a value is missing or masked, and sigma (n, k) or None.
+    t (n,), data (n, k) with NaN for missing or masked values, and sigma (n, k) or None.
     """
 
     t: np.ndarray
@@ -281,10 +281,10 @@ class _Runs:
     Attributes
     ----------
     unit : float
-        Size of the data where their deviations are not given, which residuals are divided by:
-        what the optimiser stops at is absolute.
+        Size of the data if their deviations are not given. Residuals are divided by it, because
+        the optimiser stops at absolute values.
     count : int
-        Sets of runs so far.
+        Number of sets of runs so far.
     """
 
     def __init__(
@@ -310,7 +310,7 @@ class _Runs:
         self._tangents = chooses_steps(scheme) and how.keys() <= _OF_TANGENTS
 
     def equations(self, p: np.ndarray) -> list[Equation]:
-        """Return the model's equations with these parameters, one for each series."""
+        """Return the equations of the model with these parameters, one for each series."""
         named = dict(zip(self._names, p.tolist(), strict=True))
         try:
             made = self._model(**named) if self._named else self._model(p.copy())
@@ -340,9 +340,9 @@ class _Runs:
         return [solve(equation, float(t[-1]), t_eval=t, **self._how) for equation, t in pairs]
 
     def lacking(self, rows: list[np.ndarray]) -> list[np.ndarray]:
-        """Return model minus data (n, k): NaN where data are missing, inf where runs ended.
+        """Return model minus data (n, k): NaN for missing data, inf after the end of a run.
 
-        rows (m, d) of each series are the solution until then.
+        rows (m, d) of each series are the solution until the run ended.
         """
         found = []
         for one, y in zip(self._series, rows, strict=True):
@@ -376,10 +376,10 @@ class _Runs:
     def _linearised(
         self, own: list[Equation], others: list[list[Equation]], rows: list[np.ndarray]
     ) -> dict[int, list[np.ndarray]]:
-        """Return rows of those other equations that one run with tangents gives.
+        """Return the rows of those equations, among `others`, that one run with tangents gives.
 
-        That is where the tolerance chooses steps, and two sets of equations or more differ from
-        their own ones in parameters and initial values alone.
+        This needs a tolerance. Two or more sets of equations must differ from `own` in parameters
+        and initial values alone.
         """
         every = {k: _changes(own, each) for k, each in enumerate(others)}
         near = {k: changes for k, changes in every.items() if changes}
@@ -408,7 +408,8 @@ class _Runs:
     def _weighed(self, rows: list[np.ndarray]) -> np.ndarray:
         """Return the residuals of rows over their deviations, (n,).
 
-        Rows behind the end of a run count as far from the data, so that others are preferred.
+        Rows after the end of a run count as far from the data, so that other parameters are
+        preferred.
         """
         found = self.lacking(rows)
         for k, (one, far) in enumerate(zip(self._series, self._far, strict=True)):
@@ -423,7 +424,8 @@ class _Runs:
     ) -> list[tuple[np.ndarray, np.ndarray]]:
         """Return times (m,) and values (m, k) of the model for each series, also between the data.
 
-        At the times of the data alone if `observe` needs these, as differences of rows do.
+        If `observe` needs the times of the data, as differences of rows do, only these times are
+        returned.
         """
         found, often = [], self.solutions(equations, [_between(one.t) for one in self._series])
         for one, sol, fine in zip(self._series, solutions, often, strict=True):
@@ -437,7 +439,7 @@ class _Runs:
         return found
 
     def _seen(self, y: np.ndarray, k: int) -> np.ndarray:
-        """Return what is observed of rows (m, d), (m, k)."""
+        """Return the observed values of rows (m, d), (m, k)."""
         if callable(self._observe):
             seen = np.asarray(self._observe(y))
         elif self._observe is None:
@@ -452,7 +454,7 @@ class _Runs:
 
 
 def _moved(x: np.ndarray, low: np.ndarray, high: np.ndarray) -> np.ndarray:
-    """Return sets of parameters, (m, m): in set k parameter k is moved a little, between bounds."""
+    """Return sets of parameters, (m, m): set k has parameter k changed a little, inside bounds."""
     by = _CHANGE * np.where(x == 0.0, 1.0, x)
     above, below = high - x, x - low
     outside = (x + by > high) | (x + by < low)
@@ -465,7 +467,8 @@ def _moved(x: np.ndarray, low: np.ndarray, high: np.ndarray) -> np.ndarray:
 def _changes(own: list[Equation], others: list[Equation]) -> list[dict[str, np.ndarray]]:
     """Return how equations differ in parameters and initial values, "params" and "y0" of each.
 
-    A part without a difference is left out. The list is empty if anything else differs.
+    A part without a difference is left out. The list is empty if the equations differ in anything
+    else.
     """
     found = []
     for one, other in zip(own, others, strict=True):
@@ -493,7 +496,7 @@ def _differ_in_data_alone(one: System, other: System) -> bool:
 
 
 def _between(t: np.ndarray) -> np.ndarray:
-    """Return the times of data and many between them, evenly from each to the next."""
+    """Return the times of data, and many equidistant times from each to the next."""
     return np.union1d(t, np.interp(np.linspace(0, t.size - 1, _FINE), np.arange(t.size), t))
 
 
@@ -521,10 +524,10 @@ def _covariance(
     estimated: bool,
     names: list[str] | Literal[False],
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return the covariance of parameters, and singular values for changes by their scale.
+    """Return the covariance of parameters, and the singular values for changes by their scale.
 
-    NaN where a parameter is at a bound, or part of a combination that leaves residuals as they are.
-    Warns of these if `names` are given.
+    Entries are NaN for a parameter at a bound, and for one in a combination that does not change
+    residuals. The function warns of such combinations if `names` are given.
     """
     free = np.flatnonzero(~at_bound)
     jacobian = found.jac[:, free] * scale[free]

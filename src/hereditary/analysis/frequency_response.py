@@ -203,7 +203,7 @@ def frequency_response(
 
 
 def _followed(omegas: ArrayLike, positive: bool) -> np.ndarray:
-    """Return frequencies, or values of another parameter, or say why they are none."""
+    """Return frequencies, or values of another parameter, checked."""
     wanted = np.atleast_1d(real_array("omegas", omegas))
     steps = np.diff(wanted)
     monotone = np.all(steps > 0) or np.all(steps < 0)
@@ -215,7 +215,7 @@ def _followed(omegas: ArrayLike, positive: bool) -> np.ndarray:
 
 
 def _check(equation: Equation, frequency: int, along: int | None) -> None:
-    """Refuse equations whose operators have no symbol here, and parameters that are none."""
+    """Refuse equations whose operators have no symbol at i omega, and unsuitable parameters."""
     if equation.t_start != 0:
         refuse("t_start", "be 0", equation.t_start, "steady responses know no start")
     system = equation.system

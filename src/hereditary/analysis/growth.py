@@ -18,7 +18,7 @@ _POWER = 2.0
 
 
 class Verdict(enum.StrEnum):
-    """Verdict on the late window of a run; equal to the string it is shown as."""
+    """Verdict on the late window of a run; equal to its string."""
 
     EXPONENTIAL_GROWTH = "exponential growth"
     NEUTRAL = "neutral"
@@ -41,21 +41,21 @@ class Growth:
 def assess(
     times: np.ndarray, log_growth: np.ndarray, window: float, n_blocks: int, memory: str
 ) -> Growth:
-    """Return slopes and verdicts over the last share `window` of the record.
+    """Return slopes and verdicts over the last fraction `window` of the record.
 
     Parameters
     ----------
     times : ndarray, shape (n,)
-        Ascending, the record's start left out.
+        Ascending, without the start of the record.
     log_growth : ndarray, shape (n, k)
     window : float
         In (0, 1].
     n_blocks : int
         Blocks that the standard error is taken from.
     memory : {"all", "none", "some"}
-        Whether all, no or some components have a term of fractional order. Where all have one no
-        solution decays exponentially for ever. So a decay seen in the window is an algebraic one
-        whose tail is reached or still to come.
+        Whether all, no or some components have a term of fractional order. If all have one, no
+        solution decays exponentially for ever. So a decay in the window is algebraic: its tail is
+        reached, or still to come.
 
     Returns
     -------
@@ -76,9 +76,9 @@ def assess(
 
 
 def _block_slope(edges: np.ndarray, values: np.ndarray) -> tuple[float, float]:
-    """Mean slope and its standard error, the largest over three lengths of blocks.
+    """Return the mean slope and its standard error, the largest over three lengths of blocks.
 
-    Neighbouring blocks are not independent; longer ones show what that hides.
+    Neighbouring blocks are not independent, which longer blocks reveal.
     """
     errors = []
     for every in (1, 2, 4):

@@ -52,9 +52,9 @@ class Balance:
     """Equations of the harmonics: their residual, and its derivative.
 
     Unknowns x (d, 2 H + 1), flat, are the mean and then cosine and sine of each harmonic. They are
-    in units of the components, as residuals are. Memory that the right-hand side reads stands
-    behind y there, and is linear in it. `along` is the parameter whose values the curve follows:
-    `frequency`, or another one.
+    in units of the components, as residuals are. Components of memory that the right-hand side
+    reads follow those of y, and are linear in y. `along` is the parameter whose values the curve
+    follows: `frequency`, or another one.
     """
 
     def __init__(self, equation: Equation, frequency: int, along: int, harmonics: int) -> None:
@@ -87,10 +87,10 @@ class Balance:
                     refuse("rhs", required, f"values {shown(found.ravel())}")
 
     def hold_means(self, value: float) -> bool:
-        """Hold the means of y that no equation depends on; return whether there are any.
+        """Fix the means of y that no equation depends on; return whether there are any.
 
-        Each adds its product with a left null vector to the derivatives of the means' equations.
-        Newton's matrix is regular then, and these means stay 0.
+        The product of each such mean with a left null vector is added to the derivatives of the
+        equations of the means. Then Newton's matrix is regular, and these means stay 0.
         """
         m, places = 2 * self._h + 1, np.outer([0.0, 1.0], np.ones(self.size))
         matrices = [self.residual(x, value)[1] for x in places]
@@ -109,12 +109,12 @@ class Balance:
         return found
 
     def _omega(self, value: float) -> float:
-        """Set the parameter that is followed; return the frequency."""
+        """Set the parameter along the curve; return the frequency."""
         self._params[self._along] = value
         return float(self._params[self._frequency])
 
     def omegas(self, values: np.ndarray) -> np.ndarray:
-        """Return the frequency for each value of the parameter that is followed."""
+        """Return the frequency for each value of the parameter along the curve."""
         return np.array([self._omega(value) for value in values])
 
     def coefficients(self, x: np.ndarray) -> np.ndarray:
@@ -126,7 +126,7 @@ class Balance:
         return np.concatenate([parts[..., :1].astype(complex), harmonic], axis=2)
 
     def _operators(self, omega: float) -> np.ndarray:
-        """Return the matrices of the left sides, memory's behind, (n, 2 H + 1, 2 H + 1)."""
+        """Return matrices of the left sides, and then of memory, (n, 2 H + 1, 2 H + 1)."""
         s = 1j * omega * np.arange(self._h + 1)
         symbol = np.zeros((self._system.d, self._h + 1), complex)
         operator: Any  # of no order that varies
@@ -172,6 +172,6 @@ class Balance:
     def by_value(
         self, x: np.ndarray, value: float, unit: float, residual: np.ndarray
     ) -> np.ndarray:
-        """Return the derivative of the residual, which is known, by the parameter, (size,)."""
+        """Return the derivative of a known residual by the parameter along the curve, (size,)."""
         step = _CHANGE * max(abs(value), unit)
         return (self.residual(x, value + step, False)[0] - residual) / step

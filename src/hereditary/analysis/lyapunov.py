@@ -1,4 +1,4 @@
-"""Lyapunov exponents over any stepper, with all of the memory kept."""
+"""Lyapunov exponents over any stepper; tangents keep their whole memory."""
 
 from __future__ import annotations
 
@@ -247,9 +247,9 @@ def lyapunov(
 def _another(
     equation: Equation, scheme: Scheme, result: LyapunovResult, finer: bool
 ) -> tuple[tuple, str]:
-    """Return t_end, steps, scheme and tolerances of the run that verdicts are compared with.
+    """Return t_end, steps, scheme and tolerances of the run with which verdicts are compared.
 
-    And how it differs.
+    Return also a clause on how this run differs.
     """
     n, found = result.stats["n_steps"], result.settings
     if chooses_steps(scheme):
@@ -268,7 +268,10 @@ def _another(
 def _compared(
     result: LyapunovResult, check: LyapunovResult | None, how: str, reason: str
 ) -> LyapunovResult:
-    """Return the result with its check, or `reason` why there is none; verdicts may fall."""
+    """Return the result with its second run, or with the `reason` why there is none.
+
+    Verdicts that differ become "undetermined".
+    """
     verdicts = (Verdict.UNDETERMINED,) * len(result.verdicts)
     if check and check.status not in _AT_END:
         reason = f"it ended otherwise: {check.message}"
@@ -422,7 +425,7 @@ def _found(
 def _without_jumps(result: LyapunovResult, system: System, states: list[_Moment]) -> LyapunovResult:
     """Return the result; without verdicts, and with a warning, if f jumps along the orbit.
 
-    Jumps of an f that reads memory are not looked for.
+    Jumps of an f that reads memory are not detected.
     """
     if system.read.any() or system.delays or not _jumps(system, states):
         return result
@@ -435,9 +438,10 @@ def _without_jumps(result: LyapunovResult, system: System, states: list[_Moment]
 
 
 def _jumps(system: System, states: list[_Moment]) -> bool:
-    """Return whether f jumps on a line between two consecutive ones of some states (t, y).
+    """Return whether f jumps on a line between two consecutive states (t, y) of the orbit.
 
-    The half on which f changes more is halved again. The change of a continuous f then vanishes.
+    The half of the line on which f changes more is halved again. The change of a continuous f then
+    vanishes.
     """
     chosen = np.unique(np.linspace(0, len(states) - 1, _STATES).astype(int))
     with suppress(Exception), np.errstate(all="ignore"):  # f may have no value between states
@@ -448,7 +452,7 @@ def _jumps(system: System, states: list[_Moment]) -> bool:
 
 
 def _keeps(system: System, first: tuple, last: tuple, least: float) -> bool:
-    """Return whether f changes by more than `least` on ever shorter parts between two states."""
+    """Return whether f changes by more than `least` on ever shorter lines between two states."""
     (t, a, f_a), (_, b, _) = first, last
     f_b = system.force(t, b)  # at the same time
     change = _distance(f_a, f_b)
@@ -466,7 +470,7 @@ def _keeps(system: System, first: tuple, last: tuple, least: float) -> bool:
 
 
 def _distance(f: np.ndarray, other: np.ndarray) -> float:
-    """Return the largest |difference|; of few numbers faster than by NumPy."""
+    """Return the largest |difference|; for few numbers faster than NumPy."""
     return max(map(abs, (f - other).tolist()))
 
 
@@ -478,12 +482,11 @@ def _grow(
     states: list[_Moment],
     progress: bool,
 ) -> tuple[Ending | None, np.ndarray]:
-    """March to the end, or until the run stops, and make tangents orthonormal on the way.
+    """March to the end, or until the run stops, and renormalise the tangents meanwhile.
 
-    Adds some states (t, y) of the orbit to `states`.
-
-    Returns the `Ending` of a march that ended early, else None. For each renormalisation it also
-    returns its mark and the logarithms of the growth since the one before, (n, 1 + k).
+    Some states (t, y) of the orbit are appended to `states`. Return the `Ending` of a march that
+    ended early, otherwise None. Return also the mark of each renormalisation, and the logarithms of
+    the growth since the one before, (n, 1 + k).
     """
     grown, none = [np.empty((0, 1 + stepper.tangent.shape[1]))], np.zeros(1, dtype=bool)
     end = int(schedule["end"]) * float(schedule["unit"])
@@ -512,7 +515,7 @@ def _grow(
 
 
 def _lost_digits(logs: np.ndarray) -> str:
-    """Return a clause if tangents differ so much in size that R has few digits, or no text."""
+    """Return a clause if the sizes of tangents differ so much that R loses digits, or ""."""
     widest = np.ptp(logs, axis=1).max(initial=0.0)
     if widest < _WIDE:
         return ""
@@ -533,7 +536,7 @@ class Divergence:
     """Integral of the divergence of the first-order system behind an equation of integer orders.
 
     A component ``c_1 x' = f`` adds ``d f_j / d x_j / c_1``, one of ``c_2 x'' + c_1 x' = f`` adds
-    ``-c_1 / c_2``, for f knows no velocities.
+    ``-c_1 / c_2``, because f does not depend on velocities.
 
     Parameters
     ----------
@@ -551,7 +554,7 @@ class Divergence:
         self._ahead = self._traces(0, system.y0[:1].copy())
 
     def add(self, piece: Piece, n: int, n_last: int) -> None:
-        """Take in the orbit up to mark n; growth is known up to mark n_last."""
+        """Add the orbit up to mark n; the growth of tangents is known up to mark n_last."""
         first = self._last + self._ahead.size
         if first > n:
             return
@@ -560,7 +563,7 @@ class Divergence:
         self.up_to(n_last)
 
     def up_to(self, n_last: int) -> float:
-        """Return the integral from 0 to a mark by the trapezoidal rule, and forget what it took."""
+        """Return the integral from 0 to a mark by the trapezoidal rule; drop the values used."""
         known = n_last - self._last
         self._integral += self._h * float(np.trapezoid(self._ahead[: known + 1]))
         self._ahead, self._last = self._ahead[known:], n_last
@@ -579,7 +582,7 @@ class Divergence:
 class _Traces(NamedTuple):
     """Weighted traces of the Jacobian at times h apart.
 
-    - shares (d,): weights of the diagonal; units (d,): for differences; jacobian (d, d): room.
+    - shares (d,): weights of the diagonal; units (d,): for differences; jacobian (d, d): workspace.
     """
 
     right: RightSide
@@ -600,7 +603,7 @@ def _add_traces(m: Any, t: float, rows: np.ndarray, found: np.ndarray) -> None:
 
 
 def _separation(value: Any, equation: Equation) -> float:
-    """Return a distance at which orbits can still be neighbours."""
+    """Return a separation, checked to leave orbits neighbours."""
     largest = max(1.0, float(np.abs(equation.y0[0]).max()))
     remedy = "1e-7 is for smooth right-hand sides, 1e-3 to 1e-2 for those that jump"
     required = f"be at most {largest:g}, that orbits be neighbours"
@@ -628,8 +631,8 @@ def _directions(given: Any, seed: int, k: int, rows: int) -> np.ndarray:
 def marched(system: System, scheme: Scheme) -> System:
     """Return the system to march; a classical one of second order becomes first-order.
 
-    Increments kept apart from t x'(0), as most schemes keep them above order 1, lose a tangent that
-    has decayed to their rounding. With memory none decays so far.
+    Above order 1 most schemes store increments without t x'(0). In their rounding a tangent that
+    has decayed is lost. With memory no tangent decays so far.
     """
     if scheme.whole or system.m == 1 or memory(system) != "none" or system.delays:
         return system
@@ -652,9 +655,10 @@ def n_data(system: System) -> int:
 def _checking_scheme(scheme: Scheme, equation: Equation) -> Scheme:
     """Return the scheme of the second run, with which a verdict is compared.
 
-    A first-order scheme with twice the step often repeats a wrong verdict. It is therefore compared
-    with the default scheme of second order. If none covers the equation, it is compared with the
-    other scheme of first order. The explicit one adds to a rate what the implicit one subtracts.
+    A first-order scheme with twice the step often repeats a wrong verdict. Its verdict is therefore
+    compared with that of the default scheme of second order. If no such scheme covers the equation,
+    the other scheme of first order is used. The explicit scheme adds to a rate what the implicit
+    scheme subtracts.
     """
     if scheme.order(_NEAR_1) > _FIRST_ORDER:
         return scheme

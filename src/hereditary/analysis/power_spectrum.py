@@ -128,7 +128,7 @@ def _sampled(
 
 
 def _long(values: np.ndarray) -> np.ndarray:
-    """Return values, or refuse too few of them."""
+    """Return values, refusing too few of them."""
     if values.size < _FEWEST:
         refuse("series", f"leave {_FEWEST} values at least behind the transient", values.size)
     return values
@@ -137,7 +137,8 @@ def _long(values: np.ndarray) -> np.ndarray:
 def _peaks(omega: np.ndarray, amplitudes: np.ndarray, most: int) -> np.ndarray:
     """Return the highest peaks as records of omega and amplitude.
 
-    A line between two bins has heights there whose ratio tells where, exactly so for Hann's window.
+    The frequency of a line between two bins follows from the ratio of the heights there, exactly
+    for Hann's window.
     """
     from scipy.signal import find_peaks
 

@@ -1,4 +1,4 @@
-"""A curve of steady responses, followed by its length, through its turning points."""
+"""A curve of steady responses, followed by its arclength, through its turning points."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ _AWAY = 0.1
 class Peak(NamedTuple):
     """Largest amplitude of a component's first harmonic on a piece of the curve.
 
-    component, frequency omega [1/time], amplitude, and the parameter followed, value.
+    omega is the frequency [1/time], value that of the parameter along the curve.
     """
 
     component: int
@@ -56,8 +56,8 @@ class Peak(NamedTuple):
 class Curve:
     """Responses along a curve through a range of frequencies, or of another parameter.
 
-    A place on it, (size + 1,), holds the unknowns of the balance and then the value followed.
-    `found` are places at the values asked for, and the turning points passed before each.
+    A point of the curve, (size + 1,), consists of the unknowns of the balance and the value of the
+    parameter. `found` are points at the requested values, and the turning points before each.
     """
 
     def __init__(self, balance: Balance, wanted: np.ndarray, positive: bool) -> None:
@@ -71,7 +71,7 @@ class Curve:
         self._value = np.append(np.zeros(balance.size), 1.0)
 
     def follow(self) -> str:
-        """Follow the curve to the last value; return why it could not be, or nothing."""
+        """Follow the curve to the last value; return why that failed, or ""."""
         first, _ = self._solved(self._wanted[0] * self._value, self._value, _ITERATIONS)
         if first is None:
             remedy = "begin elsewhere, or give jac and write y in units of its size"
@@ -84,7 +84,7 @@ class Curve:
         return self._answer(places) or trouble
 
     def _onwards(self, places: list[np.ndarray]) -> str:
-        """Add places until the last value is passed; return why one was not reached, or nothing."""
+        """Append points until the last value is passed; return why that failed, or ""."""
         (place,), step, largest, wanted = places, _LONGEST, 0.0, self._wanted
         tangent: np.ndarray = self._sign * self._value
         for _ in range(_MOST_POINTS):
@@ -119,9 +119,9 @@ class Curve:
     def _change(
         self, place: np.ndarray, row: np.ndarray, right: float | None = None
     ) -> np.ndarray | None:
-        """Solve with the residual's derivative and a row below, (size + 1,); None if singular.
+        """Solve with the residual's derivative and one more row, (size + 1,); None if singular.
 
-        The right-hand side is the residual and then `right`, or without that 0 and then 1.
+        The right-hand side is the residual and then `right`, or, without `right`, 0 and then 1.
         """
         residual, matrix = self._balance.residual(place[:-1], place[-1])
         unit = 0.0 if self._positive else self._range
@@ -134,14 +134,14 @@ class Curve:
         return None
 
     def _tangent(self, place: np.ndarray, previous: np.ndarray) -> np.ndarray | None:
-        """Return the direction of the curve, of length 1, going on as the previous one, or None."""
+        """Return the unit tangent of the curve in the direction of the previous one, or None."""
         found = self._change(place, self._weights * previous)
         return None if found is None else found / np.sqrt(found @ (self._weights * found))
 
     def _solved(
         self, start: np.ndarray, row: np.ndarray, most: int
     ) -> tuple[np.ndarray | None, int]:
-        """Return the place on the curve at ``row @ (place - start) = 0``, or None; iterations."""
+        """Return the point with ``row @ (point - start) = 0``, or None, and the iterations."""
         place, before = start, np.inf
         for iteration in range(most):
             known = place[-1] > 0 or not self._positive
@@ -156,7 +156,7 @@ class Curve:
         return None, most
 
     def _answer(self, places: list[np.ndarray]) -> str:
-        """Find turning points, peaks and the values asked for; return which one was missed."""
+        """Find turning points, peaks and the requested values; return which was missed, or ""."""
         spline = self._spline(places)
         turns = _crossings(lambda s: spline(s, 1)[..., -1], spline.x)
         self.turning = spline(turns)[:, -1].tolist()
@@ -188,7 +188,7 @@ class Curve:
         return trouble
 
     def _spline(self, places: list[np.ndarray]) -> Any:
-        """Return places as a function of the length between them."""
+        """Return points of the curve as a function of the length between them."""
         from scipy.interpolate import CubicSpline
 
         units = np.full(self._balance.size + 1, np.ptp(places, axis=0)[:-1].max() or 1.0)

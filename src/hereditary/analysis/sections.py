@@ -1,7 +1,7 @@
 """Sections of an orbit: samples once a period, and local maxima.
 
-Both read the dense output of collocation, and a cubic spline through the rows of given steps. They
-give arrays of a fixed size when asked to, filled up with NaN, so that a sweep can stack them.
+Both use the dense output of collocation, and a cubic spline through the rows of given steps. They
+return arrays of a fixed size on request, filled up with NaN, so that a sweep can stack them.
 """
 
 from __future__ import annotations
@@ -174,7 +174,7 @@ def extrema(
 def tops(values: np.ndarray, signs: tuple[float, ...] = (1.0, -1.0)) -> np.ndarray:
     """Return the indices of local maxima, sign 1, and minima, -1, of a series (n,).
 
-    Of a plateau the middle one, where the series falls on both sides of it.
+    The index of a plateau is that of its middle, if the series falls on both sides of it.
     """
     from scipy.signal import find_peaks
 
@@ -184,7 +184,8 @@ def tops(values: np.ndarray, signs: tuple[float, ...] = (1.0, -1.0)) -> np.ndarr
 def values_at(solution: Solution, times: ArrayLike, derivative: int = 0) -> np.ndarray:
     """Return the solution, or its first derivative, at times within the run, shape (k, d).
 
-    From the dense output of `Collocation`, otherwise by a cubic spline through the rows.
+    Values come from the dense output of `Collocation`, otherwise from a cubic spline through the
+    rows.
     """
     at = real_array("times", times)
     ends = solution.t[0], solution.t[-1]
@@ -195,7 +196,7 @@ def values_at(solution: Solution, times: ArrayLike, derivative: int = 0) -> np.n
 
 
 def _function(solution: Solution, derivative: int) -> Callable[[np.ndarray], np.ndarray]:
-    """Return y, or y' where the rows hold it, as a function of times (k,), of shape (k, d)."""
+    """Return y, or y' if the rows have it, as a function of times (k,), with values (k, d)."""
     if not _is_index(derivative, 2):
         refuse("derivative", "be 0 or 1", repr(derivative))
     if solution.coarse:
@@ -212,7 +213,7 @@ def _function(solution: Solution, derivative: int) -> Callable[[np.ndarray], np.
 
 
 def _begin(solution: Solution, transient: float | None) -> float:
-    """Return the time from which on samples count; refuse complex solutions."""
+    """Return the time from which samples count; refuse complex solutions."""
     if np.iscomplexobj(solution.y):
         required, remedy = "be real", "take parts, e.g. dataclasses.replace(solution, y=y.real)"
         refuse("solution", required, "a complex one", remedy)
@@ -229,7 +230,7 @@ def check_unbroken(solution: Solution) -> None:
 
 
 def check_component(component: int, solution: Solution) -> None:
-    """Refuse anything but the number of a component."""
+    """Refuse anything but the number of a component of the solution."""
     if not _is_index(component, solution.y.shape[1]):
         refuse("component", f"be one of 0 .. {solution.y.shape[1] - 1}", repr(component))
 

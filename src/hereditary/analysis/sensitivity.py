@@ -172,7 +172,7 @@ def sensitivities(
 
 
 def _at_steps(stepper: Any, stops: np.ndarray) -> list[np.ndarray]:
-    """March to each of these steps; return y and its tangents there, rows ((1 + k) d,)."""
+    """March to each of these steps; return rows of y and its tangents, ((1 + k) d,), there."""
     rows: list[np.ndarray] = []
     for stop in stops:
         while stepper.position < stop and not stepper.trouble:
@@ -184,7 +184,7 @@ def _at_steps(stepper: Any, stops: np.ndarray) -> list[np.ndarray]:
 
 
 def _between_steps(stepper: Any, times: np.ndarray) -> list[np.ndarray]:
-    """March by steps of a tolerance; return rows ((1 + k) d,) at times on the way."""
+    """March by steps of a tolerance; return rows ((1 + k) d,) at times between."""
     stepper.keep_tangents()
     rows = [_columns(stepper)] if times[0] == 0.0 else []
     d = stepper.y.size
@@ -205,7 +205,7 @@ def _columns(stepper: Any) -> np.ndarray:
 
 
 def _kinds(wrt: Any, equation: Equation) -> tuple[str, ...]:
-    """Return what derivatives are asked for; refuse equations that have none."""
+    """Return which derivatives are requested; refuse equations that have none."""
     if wrt is None:
         wrt = ("params", "y0") if equation.params.size else ("y0",)
     kinds = tuple(wrt) if np.iterable(wrt) and not isinstance(wrt, str) else (wrt,)

@@ -173,7 +173,7 @@ def _axis(name: Any, values: Any) -> np.ndarray:
 def _check_arguments(
     function: Callable[..., Any], axes: dict[str, np.ndarray], carry: bool
 ) -> None:
-    """Refuse axes that every call would stumble over."""
+    """Refuse axes with which every call of the function would fail."""
     try:
         signature = inspect.signature(function)
     except (TypeError, ValueError):  # some built-in functions have none
@@ -202,7 +202,7 @@ def _run(
     file: BinaryIO | None,
     progress: bool,
 ) -> None:
-    """Hand out rows of points, a bounded number at a time, and keep what comes back."""
+    """Submit rows of points, a bounded number at a time, and store their results."""
     finished: queue.SimpleQueue = queue.SimpleQueue()
     running: dict[Any, dict] = {}
     bar, n_left, n_done = ProgressBar(progress), points.count(None), 0
@@ -240,7 +240,7 @@ def _run(
 
 
 def _results(future: Future[list[Point]], asked_to_stop: int) -> list[Point]:
-    """Return the points of a future, none of one that was taken back."""
+    """Return the points of a future, or none of a future that was cancelled."""
     error = None if future.cancelled() else future.exception()
     if future.cancelled() or (error and asked_to_stop):  # Ctrl-C reaches worker processes too
         return []
@@ -256,7 +256,7 @@ def _results(future: Future[list[Point]], asked_to_stop: int) -> list[Point]:
 def _opened(
     path: str | os.PathLike, axes: dict[str, np.ndarray], points: list[Point | None]
 ) -> BinaryIO:
-    """Read the points of a store; return the file, to which others are appended."""
+    """Read the points of a store; return the file, for appending further points."""
     if not isinstance(path, str | os.PathLike):
         refuse("store", "be the path of a file", repr(path), kind=TypeError)
     header = _line({"axes": {name: axis.tolist() for name, axis in axes.items()}})
@@ -282,7 +282,7 @@ def _line(content: object) -> bytes:
 
 
 def _read(line: bytes, n: int, where: str) -> tuple[int, Point]:
-    """Return index, and status and values, of a point of a store."""
+    """Return index, status and values of a point, from a line of a store."""
     with contextlib.suppress(TypeError, ValueError, RecursionError):
         index, status, values = json.loads(line)
         if type(index) is int and 0 <= index < n and isinstance(status, str):
@@ -327,9 +327,9 @@ def computed(
 
 @contextlib.contextmanager
 def _deaf_to_ctrl_c(home: int) -> Iterator[None]:
-    """Ignore Ctrl-C, which reaches every process, in all but `home`.
+    """Ignore Ctrl-C, which all processes receive, except in the process `home`.
 
-    A run that it cut short there would pass for a whole one.
+    Otherwise a run that Ctrl-C ends early in a worker would count as complete.
     """
     main = threading.current_thread() is threading.main_thread()
     deaf = main and os.getpid() != home

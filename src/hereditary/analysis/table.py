@@ -132,10 +132,10 @@ class Table:
 
 
 def table_of(axes: dict[str, np.ndarray], points: list[Point | None]) -> Table:
-    """Return the table of points in the grid's order: status and values, or None where missing.
+    """Return the table of points in the order of the grid: status and values, or None if missing.
 
     Values are numbers, strings or nested lists of either, by name. Points whose values do not fit
-    the first one of the grid have failed.
+    the first point of the grid have failed.
     """
     status = [NOT_COMPUTED if point is None else point[0] for point in points]
     values: dict[str, np.ndarray] = {}
@@ -148,10 +148,10 @@ def table_of(axes: dict[str, np.ndarray], points: list[Point | None]) -> Table:
 
 
 def _column(name: str, rows: dict[int, np.ndarray], status: list[str]) -> np.ndarray:
-    """Return the arrays of one name, by point, as one; lengths may differ.
+    """Return the values of one name at all points as one array; lengths may differ.
 
-    Those that do not fit the first one are left out, and said to have failed in `status`. An empty
-    array fits all others.
+    Values that do not fit the first point are left out, and `status` says that these points failed.
+    An empty array fits all others.
     """
     filled = [row for row in rows.values() if row.shape != (0,)] or list(rows.values())
     form = _form(filled[0])
@@ -170,5 +170,5 @@ def _column(name: str, rows: dict[int, np.ndarray], status: list[str]) -> np.nda
 
 
 def _form(row: np.ndarray) -> tuple[str, int, tuple[int, ...]]:
-    """Return what rows of one column have in common: their type, and all but their length."""
+    """Return what the values of one name must share: their type, and all lengths but the first."""
     return "text" if row.dtype.kind == "U" else "numbers", row.ndim, row.shape[1:]

@@ -126,7 +126,7 @@ def zero_one_test(
 def _tested(
     series: Solution | ArrayLike, component: int, transient: float | None, take: str | None
 ) -> tuple[np.ndarray, float]:
-    """Return the values that are tested, and the range below which they are all the same."""
+    """Return the values that are tested, and the range below which they count as equal."""
     of_solution = isinstance(series, Solution)
     take = ("maxima" if of_solution else "values") if take is None else take
     kinds = [*_SIGNS][: 2 if of_solution else 3]

@@ -1,6 +1,7 @@
 """Memory kernels K(t) beyond the power law, for terms ``int_0^t K(t-s) y^(m)(s) ds``.
 
-Each has its values, and its integral from 0 to full precision however small t is. It has its
-singular exponent at 0, and its sum of exponentials. All but signed ones are completely monotone:
-superpositions of decaying exponentials with positive weights, which is what keeps a memory stable.
+Each kernel has values, an integral from 0 with full precision at any t, and the exponent of its
+singularity at 0. It also has a sum of exponentials. All kernels that are not signed are completely
+monotone: superpositions of decaying exponentials with positive weights. This keeps the memory
+stable.
 """

@@ -86,7 +86,7 @@ class Kernel(MemoryKernel):
 
     @property
     def singular_exponent(self) -> float:
-        """Exponent a of ``K ~ t**-a`` near 0 [-]: the given one, or one from values near 0."""
+        """Exponent a of ``K ~ t**-a`` near 0 [-]: the given one, or the slope of values near 0."""
         return self._exponent
 
     def __call__(self, t: ArrayLike) -> np.ndarray:
@@ -100,7 +100,7 @@ class Kernel(MemoryKernel):
         return values.reshape(t.shape)
 
     def _at(self, t: np.ndarray) -> np.ndarray:
-        """Return the function at times (n,), one by one if it accepts only one."""
+        """Return the values of the function at times (n,), one by one if it accepts no arrays."""
         values = np.empty(0)
         with suppress(Exception):  # whatever it is: one by one will tell
             values = np.asarray(self._function(t))
@@ -112,7 +112,7 @@ class Kernel(MemoryKernel):
         return values.astype(float)
 
     def _alone(self, t: float) -> Any:
-        """Return the function at one time."""
+        """Return the value of the function at one time."""
         try:
             return self._function(t)
         except Exception as error:
@@ -122,7 +122,7 @@ class Kernel(MemoryKernel):
             ) from error
 
     def _slope_at_zero(self) -> float:
-        """Return a of K ~ t**-a from values at the smallest times; nearly 0 counts as 0."""
+        """Return a of K ~ t**-a from values at the smallest times; an a near 0 counts as 0."""
         with np.errstate(all="ignore"):
             pairs = np.abs(self._at(np.concatenate([_LADDER, 2 * _LADDER]))).reshape(2, -1)
         usable = np.flatnonzero(np.all(np.isfinite(pairs) & (pairs > 0), axis=0))
@@ -154,7 +154,7 @@ class Kernel(MemoryKernel):
         return np.where(t > 0, sums[np.searchsorted(edges, t)], 0.0)
 
     def _closest(self, t_min: float, t_max: float, tol: float, fading: bool) -> ExponentialSum:
-        """Fit with weights of both signs if the kernel is signed."""
+        """Return the closest sum, with weights of both signs if the kernel is signed."""
         if not self._signed:
             return super()._closest(t_min, t_max, tol, fading)
         return ExponentialSum(*closest_signed(self, t_min, t_max, tol, fading))
@@ -244,9 +244,10 @@ class TabulatedKernel(Kernel):
         return found
 
     def _closest(self, t_min: float, t_max: float, tol: float, fading: bool) -> ExponentialSum:
-        """Fit all data from about `t_min` on, and before them the power law there.
+        """Fit all data from about `t_min` on, and the power law before the first datum.
 
-        Here `tol` bounds the largest relative misfit; what comes closest is returned in any case.
+        `tol` is the largest relative misfit allowed. The closest sum is returned also if it exceeds
+        `tol`.
         """
         # the error is checked at the data alone, because the values between them are unknown
         first = max(0, min(int(np.searchsorted(self._t, t_min)) - 1, self._t.size - 4))

@@ -3,11 +3,11 @@
 ``t**-a = 1/Gamma(a) int exp(-t e**x + a x) dx`` over the real line. The trapezoid rule of step h
 turns the integral into exponentials with rates e**(j h). Its error is known exactly, so h follows
 from the tolerance. Negligible fast rates are dropped by a closed-form bound, and the infinitely
-many slow ones are replaced by their own Gauss rule. Sums are constructed on [1, R] and scaled.
+many slow rates are replaced by a Gauss rule. Sums are constructed on [1, R] and scaled.
 
-The rates of the grid do for every order, with weights ``h / Gamma(a) exp(a h j)``. For orders that
-vary the slow ones are replaced by three nodes that all orders share, at 0 and two others. Their
-weights keep the first three moments.
+The rates of the grid are those of every order, with weights ``h / Gamma(a) exp(a h j)``. For orders
+that vary, three nodes that all orders share replace the slow rates: 0 and two others. Their weights
+keep the first three moments.
 """
 
 import math
@@ -69,7 +69,7 @@ def fit_interval(t_min: Any, t_max: Any, tol: Any) -> tuple[float, float, float]
 
 
 def tolerance(argument: str, value: Any) -> float:
-    """Return `value`, checked as a tolerance that sums can keep in double precision."""
+    """Return `value`, checked as a tolerance that sums can reach in double precision."""
     remedy = "double precision sums cannot keep less than 1e-13"
     return within(argument, value, _TOL_MIN, 0.1, "[1e-13, 0.1]", remedy)
 
@@ -81,7 +81,7 @@ class UnitFit(NamedTuple):
     ----------
     rates : ndarray, shape (n_modes,)
     weights : ndarray, shape (n_kernels, n_modes)
-        Non-negative; zero where a kernel does not use a rate of another.
+        Non-negative; 0 for rates that only other kernels use.
     error : float
         Largest relative error found [-].
     fraction : float
@@ -136,7 +136,7 @@ def fit_unit(
 def _with_constant(
     exponents: tuple[float, ...], ratio: float, tol: float, fraction: float | None
 ) -> UnitFit:
-    """Fit kernels of which some are constant, ``t**0``: a mode of rate 0 and weight 1."""
+    """Fit kernels of which some are constant, ``t**0``, by a mode of rate 0 and weight 1."""
     fit = fit_unit(tuple(a for a in exponents if a > 0), ratio, tol, fraction)
     full = np.zeros((len(exponents), fit.rates.size + 1))
     full[[a > 0 for a in exponents], 1:] = fit.weights
@@ -175,9 +175,9 @@ def grid_spacing(exponents: Iterable[float], tol: float, fraction: float) -> flo
 
 
 class _Grid(NamedTuple):
-    """Rates of a sum: slow ones of their own, (n,), and exp(j h) with j = first, first + 1, ...
+    """Rates of a sum: slow rates (n,), and exp(j h) with j = first, first + 1, ...
 
-    weights (n_kernels, n + n_grid), those of the slow rates first.
+    `weights` have the shape (n_kernels, n + n_grid), with those of the slow rates first.
     """
 
     slow: np.ndarray
@@ -194,7 +194,7 @@ class _Grid(NamedTuple):
 
 
 def _construct(exponents: tuple[float, ...], ratio: float, tol: float) -> _Grid:
-    """Return the rates on a grid, with the slow nodes of each kernel, and weights."""
+    """Return the rates on a grid, the slow nodes of each kernel, and the weights."""
     h = min(trapezoid_step(a, tol) for a in exponents)
     pieces = [_one_kernel(a, h, ratio, tol) for a in exponents]
     first = min(j0 for j0, *_ in pieces)
@@ -264,10 +264,10 @@ def _slow_tail(a: float, h: float, j_slow: int, m: int) -> tuple[np.ndarray, np.
 def _trim(
     exponents: tuple[float, ...], ratio: float, goal: float, found: _Grid
 ) -> tuple[np.ndarray, np.ndarray, float]:
-    """Check every kernel, and drop the fastest rates while the error stays within `goal`.
+    """Check every kernel, and drop the fastest rates while the error stays below `goal`.
 
-    Returns rates, weights and the largest relative error. Times of the check divide the grid of
-    rates, so that the products of both have few different values.
+    Return rates, weights and the largest relative error. The logarithms of check times are
+    multiples of a fraction of the grid, so that products with rates have few different values.
     """
     slow, h, first, weights = found
     n_slow, n = slow.size, weights.shape[1]
@@ -300,9 +300,9 @@ def bank_of_all_orders(ratio: float, tol: float) -> tuple[np.ndarray, float, flo
     Returns
     -------
     rates : ndarray, shape (M,)
-        Those of the grid, ascending, and then of the slow end.
+        Rates of the grid, ascending, and then the slow ones.
     h, x : float
-        Distance of the grid's logarithms, and the one before its first.
+        Distance of log(rate) on the grid, and the value before the first one.
     """
     a = np.append(1e-9, np.linspace(0.01, 1.0, 100))
     h = min(trapezoid_step(value, tol / 1.01) for value in (1e-3, 0.5, 1.0))
@@ -321,7 +321,7 @@ def bank_of_all_orders(ratio: float, tol: float) -> tuple[np.ndarray, float, flo
 
 
 def weights_of_orders(a: np.ndarray, ratio: float, tol: float) -> np.ndarray:
-    """Weights of these rates for kernels ``t**-a``, a (k,) in (0, 1], shape (M, k)."""
+    """Return weights of these rates for kernels ``t**-a``, a (k,) in (0, 1], shape (M, k)."""
     rates, h, x = bank_of_all_orders(ratio, tol)
     a = np.maximum(a, SMALLEST)
     k = np.arange(SLOW_NODES)[:, None]
@@ -332,5 +332,5 @@ def weights_of_orders(a: np.ndarray, ratio: float, tol: float) -> np.ndarray:
 
 @lru_cache(maxsize=1)
 def weights_of_moments() -> np.ndarray:
-    """Matrix that gives the nodes' weights from the moments of what they stand for."""
+    """Return the matrix from the moments of the slow rates to the weights of the nodes."""
     return np.linalg.inv(np.vander(_NODES, increasing=True).T)

@@ -80,14 +80,14 @@ Fit = tuple[np.ndarray, np.ndarray, float, float, float]
 
 @dataclass(frozen=True, eq=False)
 class Samples:
-    """A kernel at increasing times from 1 on, and the size that its errors are relative to."""
+    """A kernel at increasing times from 1 on, and the sizes that errors are relative to."""
 
     t: np.ndarray
     values: np.ndarray
     size: np.ndarray
 
     def columns(self, rates: np.ndarray) -> np.ndarray:
-        """Return exponentials of these rates relative to the size, shape (n, len(rates))."""
+        """Return exponentials of these rates over the sizes, shape (n, len(rates))."""
         return np.exp(-np.multiply.outer(self.t, rates)) / self.size[:, None]
 
     def error(self, rates: np.ndarray, weights: np.ndarray) -> np.ndarray:
@@ -95,13 +95,16 @@ class Samples:
         return (self.columns(rates) @ weights).real - self.values / self.size
 
     def every(self, n: int) -> Samples:
-        """Return every n-th sample and the last."""
+        """Return every n-th sample, and the last one."""
         kept = np.unique(np.append(np.arange(0, self.t.size, n), self.t.size - 1))
         return Samples(self.t[kept], self.values[kept], self.size[kept])
 
 
 def _with_mean(t: np.ndarray, size: np.ndarray, before: float) -> np.ndarray:
-    """Return a size at times t, at least a fraction of its mean from 0 to t; `before` is to 1."""
+    """Return sizes at times t, raised to a fraction of their mean from 0 to t.
+
+    `before` is the integral of the size from 0 to 1.
+    """
     pieces = 0.5 * (size[1:] + size[:-1]) * np.diff(t)
     mean = (abs(before) + np.append(0.0, np.cumsum(pieces))) / t
     return np.maximum(np.maximum(size, _OF_MEAN * mean), 1e-300)
@@ -123,7 +126,7 @@ def _sampled(kernel: Any, t_min: float, t_max: float, tol: float, signed: bool =
 
 
 def _largest(error: np.ndarray) -> float:
-    """Return the largest size of errors."""
+    """Return the largest absolute value of errors."""
     return float(np.abs(error).max())
 
 
@@ -169,7 +172,7 @@ def _refuse_if_rising(kernel: Any, t_min: float, t_max: float) -> None:
 
 
 def _not_monotone(got: str) -> str:
-    """Return the refusal of a kernel that no positive sum of decaying exponentials can follow."""
+    """Return the refusal of a kernel that no sum with positive weights can follow."""
     required = "be completely monotone (a sum of decaying exponentials with positive weights)"
     return complaint("kernel", required, got, "pass signed=True to allow weights of both signs")
 
@@ -188,13 +191,13 @@ def _positive_sum(
     samples : Samples
         Errors are checked at all of them.
     tol : float
-        Norm of relative errors that ends the search.
+        The search ends when the norm of relative errors is below this.
     every : int
         Fit every n-th sample.
     norm : callable
         Norm of relative errors, shape (n,).
     fading : bool
-        Leave rate 0 out.
+        Whether rate 0 is left out.
 
     Returns
     -------
@@ -228,7 +231,7 @@ def _positive_sum(
 
 
 def _least_squares(samples: Samples, rates: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return the rates whose columns are not 0, and their non-negative weights (0: no solution)."""
+    """Return the rates whose columns are not 0, and their weights >= 0; 0 without a solution."""
     from scipy.optimize import nnls
 
     rates, table, scale = _unit_columns(samples, rates)
@@ -240,7 +243,7 @@ def _least_squares(samples: Samples, rates: np.ndarray) -> tuple[np.ndarray, np.
 
 
 def _rate_grid(ratio: float, step: float, tol: float, fading: bool = False) -> np.ndarray:
-    """Return rate 0, then rates even in the logarithm from the slowest to the fastest of use.
+    """Return rate 0, and rates from the slowest to the fastest useful one, even in the logarithm.
 
     The fastest decays to exp(-3) tol at t = 1.
     """
@@ -253,7 +256,7 @@ def _rate_grid(ratio: float, step: float, tol: float, fading: bool = False) -> n
 
 
 def _unit_columns(samples: Samples, rates: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return the rates whose columns are not 0, columns of largest value 1, and their sizes."""
+    """Return the rates whose columns are not 0, the columns scaled to 1, and their sizes."""
     table = samples.columns(rates)
     scale = table.max(axis=0)
     kept = scale > 1e-250
@@ -263,10 +266,11 @@ def _unit_columns(samples: Samples, rates: np.ndarray) -> tuple[np.ndarray, np.n
 def _refinement(
     samples: Samples, rates: np.ndarray, weights: np.ndarray, share: float
 ) -> np.ndarray:
-    """Return rates next to those in use, (n,), whose gradients are this share of the steepest.
+    """Return new rates next to those in use, (n,), with steep gradients.
 
-    The middles between rates in use and their neighbours resolve a continuous spectrum. A lone rate
-    is the mean of the two rates that surround it, up to the square of their distance.
+    The gradient is at least the fraction `share` of the steepest. The middles between rates in use
+    and their neighbours resolve a continuous spectrum. A lone rate is the mean of the two rates
+    that surround it, up to the square of their distance.
     """
     used = weights > 0
     near = (used[1:] | used[:-1]) & (rates[:-1] > 0)
@@ -288,9 +292,9 @@ def _merged(
     rates: np.ndarray,
     weights: np.ndarray,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return fewer rates: the closest pairs become their means while the error stays within tol.
+    """Return fewer rates: the closest pairs become their means while the error stays below tol.
 
-    At most so much `work` is done.
+    The work is at most `work`, in rows times columns squared.
     """
     while rates.size > 1 and work > 0:
         gaps = np.diff(np.log(np.maximum(rates, 1e-300)))
@@ -310,12 +314,12 @@ def _merged(
 
 
 def in_pairs(rates: np.ndarray) -> np.ndarray:
-    """Return the indices of rates in order, and of pairs next to each other."""
+    """Return the indices that sort rates, with conjugate pairs next to each other."""
     return np.lexsort((-rates.imag, np.abs(rates.imag), rates.real))
 
 
 def _scaled(rates: np.ndarray, weights: np.ndarray, unit: float) -> tuple[np.ndarray, np.ndarray]:
-    """Return the rates, in order and in units of the kernel, and weights."""
+    """Return rates in order and in units of the kernel, and their weights."""
     order = in_pairs(rates)
     rates, weights = rates[order] / unit, weights[order]
     if not rates.imag.any():
@@ -333,9 +337,9 @@ def closest_table(
     by_rms: bool,
     fading: bool = False,
 ) -> Fit:
-    """Fit measured values by positive weights until the rms, or else the largest, error is `tol`.
+    """Fit measured values by positive weights until the rms, or the largest, error is `tol`.
 
-    Returns what `closest_positive` does.
+    Return what `closest_positive` returns.
     """
     samples = Samples(times / times[0], values, values)
     norm = root_mean_square if by_rms else _largest
@@ -375,10 +379,10 @@ def _rates_of_signed(
 ) -> Iterator[np.ndarray]:
     """Yield sets of rates: real ones of pencils and grids, then complex ones, and both.
 
-    The pencil is that of the Hankel matrix of even samples without its last and without its first
-    column. It is reduced to singular values above a cut [HuaSarkar1990]. Samples of a part of the
-    time resolve fast oscillations. The last sets have grids turned by 45 degrees, for kernels whose
-    transforms have an essential singularity on the negative axis.
+    The pencil is that of the Hankel matrix of equidistant samples, without its last and without its
+    first column. It is reduced to singular values above a cut [HuaSarkar1990]. Samples from a part
+    of the time resolve fast oscillations. The last sets have grids turned by 45 degrees, for
+    kernels whose transforms have an essential singularity on the negative axis.
     """
     found = []
     for end in (ratio, 1.0 + (ratio - 1.0) / _SHORTER):
@@ -406,7 +410,7 @@ def _rates_of_signed(
 
 
 def _signed_weights(samples: Samples, rates: np.ndarray) -> Iterator[np.ndarray]:
-    """Yield weights (n,) of least squares, conjugate for pairs, by ever more singular values."""
+    """Yield least-squares weights (n,), conjugate for pairs, with more and more singular values."""
     first, last = rates.imag > 0, rates.imag >= 0
     table = np.hstack([samples.columns(rates[last]).real, samples.columns(rates[first]).imag])
     scale = np.abs(table).max(axis=0)

@@ -59,7 +59,7 @@ def inverted(transform: Callable, t: ArrayLike, scale: float = _SCALE) -> np.nda
     Parameters
     ----------
     transform : callable
-        Of complex s, shape (n,).
+        Function of complex s, shape (n,).
     t : array_like
         Times t > 0 [time].
     scale : float
@@ -78,7 +78,7 @@ def inverted(transform: Callable, t: ArrayLike, scale: float = _SCALE) -> np.nda
 
 
 def _rung(t: float | np.ndarray) -> np.ndarray | np.intp:
-    """Return the places of the last times of the ladder before t."""
+    """Return the index of the last time of the ladder before each t."""
     return np.maximum(np.searchsorted(_LADDER, t, "right") - 1, 0)
 
 
@@ -99,7 +99,7 @@ class LaplaceKernel(Kernel):
         super().__init__(transform, singular_exponent, signed)
 
     def _leave_out_rounding(self) -> None:
-        """Find the time below which rounding of F decides, where K is continued by its power."""
+        """Find the time below which rounding of F hides K, which is continued there by a power."""
         with np.errstate(all="ignore"):
             if self._rounding(_LADDER[:1])[0] < _ROUNDED:
                 return  # then it is at later times too
@@ -111,19 +111,19 @@ class LaplaceKernel(Kernel):
         self._first = float(_LADDER[np.argmax(exact)]) if exact.any() else 0.0
 
     def _sizes(self, t: np.ndarray, values: np.ndarray) -> np.ndarray:
-        """Return what errors at times t are relative to."""
+        """Return the sizes that errors at times t are relative to."""
         sizes = np.abs(values) + np.abs(self.laplace(1 / t + 0j)) / t
         return np.maximum(sizes, self._largest[_rung(t)])
 
     def _rounding(self, t: np.ndarray) -> np.ndarray:
-        """Return how much values at times t, relative to their size, change by rounding of s."""
+        """Return the change of values at times t, relative to their size, by rounding of s."""
         values = inverted(self.laplace, t)
         moved = [inverted(lambda s, by=by: self.laplace(s * (1 + by)), t) for by in _MOVED]
         difference = np.abs(np.array(moved) - values).max(axis=0)
         return np.nan_to_num(difference / self._sizes(t, values), nan=np.inf)
 
     def _slope_at_zero(self) -> float:
-        """Return a of K ~ t**-a at the smallest times, or where rounding leaves values."""
+        """Return a of K ~ t**-a at the smallest times at which rounding does not hide K."""
         if self._first == 0.0:
             return super()._slope_at_zero()
         with np.errstate(all="ignore"):  # of kernels that are refused for their exponent
@@ -133,7 +133,7 @@ class LaplaceKernel(Kernel):
             return max(0.0, round(float(np.nan_to_num(np.log2(early[0] / early[1]))), _DIGITS))
 
     def _at(self, t: np.ndarray) -> np.ndarray:
-        """Return values at times of shape (n,): those of polynomials unless K is signed."""
+        """Return values at times of shape (n,), by polynomials unless K is signed."""
         later = np.maximum(t, self._first)
         values = self._inverted(later) if self._signed else self._interpolated(later)
         return values if self._first == 0.0 else values * (later / t) ** self._exponent
@@ -151,7 +151,7 @@ class LaplaceKernel(Kernel):
         return chebyshev.chebval(4 * fractions - 3, series[places].T, tensor=False)
 
     def _inverted(self, t: np.ndarray) -> np.ndarray:
-        """Return values at times of shape (n,), some of them compared with a second inversion."""
+        """Return values at times of shape (n,), and check some of them by a second inversion."""
         values, some = inverted(self.laplace, t), slice(None, None, 1 + t.size // _CHECKED)
         times, seen = t[some], values[some]
         difference = np.abs(inverted(self.laplace, times, _OTHER) - seen)
@@ -172,7 +172,7 @@ class LaplaceKernel(Kernel):
         return np.where(t > 0, found * (np.minimum(t, later) / later) ** (1 - self._exponent), 0.0)
 
     def laplace(self, s: ArrayLike) -> np.ndarray:
-        """Return the transform as it was given."""
+        """Return the given transform at s."""
         s = np.asarray(s)
         values = np.asarray(self._function(s))
         if values.shape != s.shape or values.dtype.kind not in "iufc":

@@ -51,17 +51,17 @@ class MemoryKernel(ABC):
 
     @property
     def generators(self) -> tuple[float, ...]:
-        """Numbers g > 0 whose sums, besides 1, are the powers of t in ``t**a K(t)`` near 0 [-]."""
+        """Numbers g > 0; the powers of t in ``t**a K(t)`` near 0 are sums of them and of 1 [-]."""
         return ()
 
     @property
     def t_last(self) -> float:
-        """Time up to which the kernel is known; infinite but for tables and fitted sums [time]."""
+        """Time up to which the kernel is known; finite for tables and fitted sums alone [time]."""
         return math.inf
 
     @property
     def by_values(self) -> bool:
-        """Whether only its values are known: then each run fits it over its own range."""
+        """Whether only values are known, so that each run fits the kernel over its own range."""
         return False
 
     @property
@@ -161,12 +161,12 @@ class ScaledKernel(MemoryKernel):
         return self.factor * self.kernel.laplace(s)
 
     def fit(self, t_min: float, t_max: float, tol: float) -> ExponentialSum:
-        """Return the kernel's sum with all weights times the factor."""
+        """Return the sum of the kernel with all weights multiplied by the factor."""
         fit = self.kernel.fit(t_min, t_max, tol)
         return replace(fit, weights=self.factor * fit.weights)
 
     def _closest(self, t_min: float, t_max: float, tol: float, fading: bool) -> ExponentialSum:
-        """Return the kernel's closest sum with all weights times the factor."""
+        """Return the closest sum of the kernel with all weights multiplied by the factor."""
         fit = self.kernel._closest(t_min, t_max, tol, fading)
         return replace(fit, weights=self.factor * fit.weights)
 
@@ -338,7 +338,7 @@ class KernelErrors(NamedTuple):
     Attributes
     ----------
     exact, measured : float
-        Of kernels whose values are exact, and of measured ones [-].
+        Largest error of kernels with exact values, and of measured kernels [-].
     """
 
     exact: float = 0.0
@@ -354,18 +354,18 @@ class KernelErrors(NamedTuple):
 
     @property
     def reported(self) -> float:
-        """The largest error, with what check points may have missed."""
+        """The largest error, raised by what check points may have missed."""
         return _MISSED * max(self)
 
     @property
     def noise(self) -> float:
-        """The largest error of measured kernels, or 0 where it is more than noise."""
+        """The largest error of measured kernels if it may be noise, otherwise 0."""
         return self.measured if self.measured <= _NOISE else 0.0
 
     def misfit(self, tol: float) -> str:
-        """Say by how much kernels miss the tolerance of a run; empty where they keep it.
+        """Say by how much kernels miss the tolerance of a run; empty if they keep it.
 
-        Of measured ones only what is more than noise counts.
+        Errors of measured kernels count only if they exceed noise.
         """
         error = self.exact if self.noise else max(self)
         if error <= tol:
@@ -378,7 +378,7 @@ NO_ERRORS = KernelErrors()
 
 
 def misfit_on_given_steps(errors: KernelErrors, history: Any) -> str:
-    """Return the misfit of a run on given steps; warn of other errors beyond the history's."""
+    """Return the misfit of a run on given steps; warn of other errors beyond the tolerance."""
     tol = getattr(history, "tol", 0.0)
     misfit = errors.misfit(max(tol, _ON_GIVEN_STEPS))
     warn_of_fit(errors.noise if misfit else max(errors), tol)
@@ -386,7 +386,7 @@ def misfit_on_given_steps(errors: KernelErrors, history: Any) -> str:
 
 
 def warn_of_fit(error: float, tol: float) -> None:
-    """Warn, where the package was called, of a kernel's sum that misses its tolerance."""
+    """Warn, at the line of the user, that the sum of a kernel misses its tolerance."""
     if error <= tol:
         return
     clause = f"a kernel differs by up to {error:.1e} from its sum of exponentials"
@@ -394,7 +394,7 @@ def warn_of_fit(error: float, tol: float) -> None:
 
 
 def _scaled(factor: float, kernel: MemoryKernel) -> ScaledKernel:
-    """Return ``factor * kernel`` with one factor in all."""
+    """Return ``factor * kernel``; a factor of the kernel is multiplied into the new one."""
     if isinstance(kernel, ScaledKernel):
         factor, kernel = factor * kernel.factor, kernel.kernel
     return ScaledKernel(factor, kernel)
@@ -412,7 +412,7 @@ def _not_zero(argument: str, value: Any) -> float:
 def matching(
     name: str, first: ArrayLike, other: str, second: ArrayLike
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return two arrays of one length, at least 1."""
+    """Return two arrays of equal length, at least 1."""
     a, b = np.atleast_1d(real_array(name, first)), np.atleast_1d(real_array(other, second))
     if a.ndim != 1 or a.shape != b.shape or a.size == 0:
         refuse(name, f"have shape (n,) as {other}, n >= 1", f"shapes {a.shape} and {b.shape}")
@@ -420,7 +420,7 @@ def matching(
 
 
 def all_positive(name: str, values: np.ndarray) -> None:
-    """Refuse an array with entries of 0 or below."""
+    """Refuse an array with an entry that is not above 0."""
     if np.any(values <= 0):
         remedy = "leave out what has no weight" if np.any(values == 0) else ""
         refuse(name, "be positive", values.tolist(), remedy)

@@ -1,7 +1,7 @@
 """One bank of modes for several sums of exponentials.
 
-The sums are real, so one complex mode is enough for a conjugate pair of rates. An array of M real
-modes has those of real rates first. Then come the real parts of all complex modes, and then the
+The sums are real, so one complex mode suffices for a conjugate pair of rates. An array of M real
+modes has the modes of real rates first. Then come the real parts of all complex modes, and then the
 imaginary parts. `multiply_modes` (compiled/linalg.py) multiplies such arrays.
 """
 
@@ -23,10 +23,10 @@ class Bank(NamedTuple):
     Attributes
     ----------
     rates : ndarray, shape (n,)
-        Real ones, then of each pair that of positive imaginary part; without pairs a real array.
+        Real rates, then of each pair the one with positive imaginary part; real without pairs.
     weights : ndarray, shape (k, n)
-        A row for each sum, the real part of ``weights @ exp(-rates t)``. So a pair has twice its
-        weight.
+        A row for each sum, which is the real part of ``weights @ exp(-rates t)``. So the weight
+        of a pair is doubled.
     """
 
     rates: np.ndarray
@@ -34,7 +34,7 @@ class Bank(NamedTuple):
 
     @classmethod
     def of(cls, sums: Iterable[Any]) -> Bank:
-        """Merge sums of `rates` (m,) and `weights` (m,) or (j, m), each with its own rates."""
+        """Merge sums with `rates` (m,) and `weights` (m,) or (j, m), which share no rates."""
         parts = [(own.rates, np.atleast_2d(own.weights)) for own in sums]
         rates, (row, column) = np.concatenate([own for own, _ in parts]), (0, 0)
         weights = np.zeros((sum(len(block) for _, block in parts), rates.size), rates.dtype)
@@ -60,7 +60,7 @@ class Bank(NamedTuple):
         return 2 * self.rates.size - self.n_real
 
     def real_modes(self, values: np.ndarray, axis: int = -1) -> np.ndarray:
-        """Return an array of modes for values of all rates along an axis."""
+        """Return values of all rates along an axis as an array of M real modes."""
         real = values.real
         if np.iscomplexobj(self.rates):
             turning = np.split(values.imag, [self.n_real], axis)[1]
@@ -68,7 +68,7 @@ class Bank(NamedTuple):
         return np.ascontiguousarray(real)
 
     def complex_modes(self, modes: np.ndarray) -> np.ndarray:
-        """Return values of all rates for an array of modes (..., M)."""
+        """Return an array of real modes (..., M) as values of all rates."""
         if np.isrealobj(self.rates):
             return modes
         n = self.rates.size
@@ -78,7 +78,7 @@ class Bank(NamedTuple):
 
 
 def damping(rates: np.ndarray, times: np.ndarray) -> np.ndarray:
-    """Return ``exp(-rate * time)``, shape (n_rates, n_times); below 1e-261 it is of that size."""
+    """Return ``exp(-rate * time)``, shape (n_rates, n_times), not below 1e-261 in size."""
     logs = np.multiply.outer(-rates.real, times)
     damped = np.exp(np.maximum(logs, _LEAST, out=logs), out=logs)
     if np.isrealobj(rates):

@@ -72,7 +72,7 @@ class PowerLaw(MemoryKernel):
         return gamma(1 - a) * np.asarray(s) ** (a - 1)
 
     def _closest(self, t_min: float, t_max: float, tol: float, fading: bool) -> ExponentialSum:
-        """Return its sum of exponentials in closed form, as close as `tol` requires."""
+        """Return the sum of exponentials in closed form, to the tolerance `tol`."""
         a = float(self.exponent)
         if abs(a * math.log(t_min)) > 690:
             refuse("t_min", "leave the kernel a finite value there", t_min)
@@ -128,7 +128,7 @@ class TemperedPowerLaw(MemoryKernel):
         return math.gamma(p) * (np.asarray(s) + self.rate) ** -p
 
     def _closest(self, t_min: float, t_max: float, tol: float, fading: bool) -> ExponentialSum:
-        """Return the power law's sum with all rates faster by `rate`."""
+        """Return the sum of the power law with all rates increased by `rate`."""
         if self.rate * t_min > _GONE:
             refuse("t_min", "come before the kernel is 0 in rounding", t_min)
         end = min(t_max, max(_GONE / self.rate, 2 * t_min)) if self.rate else t_max
@@ -178,7 +178,7 @@ class GammaDensity(MemoryKernel):
 
     @property
     def stages(self) -> tuple[int, float]:
-        """The whole number n and the rest b of the shape, 0 <= b < 1."""
+        """The whole number n and the remainder b of the shape, 0 <= b < 1."""
         n = math.floor(self.shape)
         return n, self.shape - n
 
@@ -197,7 +197,7 @@ class GammaDensity(MemoryKernel):
         return (1 + np.asarray(s) / self.rate) ** -self.shape
 
     def _closest(self, t_min: float, t_max: float, tol: float, fading: bool) -> ExponentialSum:
-        """Return the sum of a tempered power law, or for shapes above 1 one with both signs."""
+        """Return the sum of a tempered power law, or a sum with both signs for shapes above 1."""
         if self.shape > 1:
             return ExponentialSum(*closest_signed(self, t_min, t_max, tol, fading))
         if self.shape == 1:
@@ -308,7 +308,7 @@ class StretchedExponential(MemoryKernel):
 
     @property
     def generators(self) -> tuple[float, ...]:
-        """The exponent: the kernel is a series in its multiples."""
+        """The exponent, because the kernel is a series in its multiples."""
         return (float(self.exponent),)
 
     def __call__(self, t: ArrayLike) -> np.ndarray:
@@ -353,7 +353,7 @@ class MittagLeffler(MemoryKernel):
 
     @property
     def generators(self) -> tuple[float, ...]:
-        """The order: the kernel is a series in its multiples."""
+        """The order, because the kernel is a series in its multiples."""
         return (float(self.order),)
 
     def __call__(self, t: ArrayLike) -> np.ndarray:
@@ -412,9 +412,10 @@ class MittagLeffler(MemoryKernel):
 
 
 def mean_of_decay(p: float, x: ArrayLike) -> np.ndarray:
-    """Return ``p int_0^1 u**(p-1) exp(-x u) du``, from 1 at x = 0, without loss anywhere.
+    """Return ``p int_0^1 u**(p-1) exp(-x u) du``, 1 at x = 0, with full precision everywhere.
 
-    For x < p + 1 the series ``exp(-x) sum_k x**k / ((p+1)...(p+k))``, all of one sign.
+    For x < p + 1 it is the series ``exp(-x) sum_k x**k / ((p+1)...(p+k))``, whose terms have one
+    sign.
     """
     x = np.asarray(x, dtype=float)
     small = x < p + 1

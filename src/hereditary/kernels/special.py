@@ -146,7 +146,7 @@ def gauss_unit(n: int) -> tuple[np.ndarray, np.ndarray]:
 def graded_unit(n: int) -> tuple[np.ndarray, np.ndarray]:
     """Return nodes and weights on [0, 1]: Gauss rules on 51 panels that halve towards 0.
 
-    The widest panel has n nodes, each next one half as many, and at least 16.
+    The widest panel has n nodes. Each next panel has half as many, and at least 16.
     """
     ends = np.append(0.0, 0.5 ** np.arange(50, -1, -1))
     panels = [

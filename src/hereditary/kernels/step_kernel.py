@@ -38,12 +38,12 @@ class PowerSteps:
 
     @property
     def key(self) -> float | None:
-        """Exponent of the power law whose exponential sum replaces it; None without memory."""
+        """Exponent of the power law whose sum replaces the kernel; None without memory."""
         return 1 - self.p if self.p > 0 else None
 
     @property
     def amplitude(self) -> float:
-        """Factor between it and that power law."""
+        """Ratio of the kernel to the power law `key`."""
         return self.p
 
     def differences(self, n: int) -> np.ndarray:
@@ -61,8 +61,9 @@ class PowerSteps:
     def moments(self, theta: float, n: int) -> np.ndarray:
         """Return integrals of ``(middle - t) K`` over [k-1+theta, k+theta] for k < n; 0 for k = 0.
 
-        By Gauss's rule: the closed form cancels for large k. The singularity lies at least 0.5
-        before the interval, where sixteen points leave an error of 3.7**-32.
+        They are computed by Gauss's rule, because the closed form cancels for large k. The
+        singularity is at least 0.5 before the interval, where sixteen points leave an error of
+        3.7**-32.
         """
         moments = np.zeros(n)
         v, weights = gauss_unit(16)
@@ -94,19 +95,19 @@ class ExponentialSteps:
     weights: np.ndarray
 
     def at(self, t: np.ndarray) -> np.ndarray:
-        """Return values at times t (n,), shape (M, n); before 0 those at 0, which are finite."""
+        """Return values at times t (n,), shape (M, n); at t < 0 the finite values at 0."""
         return self.weights[:, None] * np.exp(-np.multiply.outer(self.rates, np.maximum(t, 0.0)))
 
     def seen(self, theta: float, n: int) -> np.ndarray:
-        """Return the integrals of `PowerSteps.seen`, right from k = 1 on."""
+        """Return the integrals of `PowerSteps.seen`, valid from k = 1 on."""
         return mean_exponential(self.rates)[:, None] * self.at(np.arange(n) - 1 + theta)
 
     def differences(self, n: int) -> np.ndarray:
-        """Return the differences of `PowerSteps.differences`, right from k = 1 on."""
+        """Return the differences of `PowerSteps.differences`, valid from k = 1 on."""
         return np.expm1(-self.rates)[:, None] * self.seen(0.0, n)
 
     def moments(self, theta: float, n: int) -> np.ndarray:
-        """Return the moments of `PowerSteps.moments`, right from k = 1 on."""
+        """Return the moments of `PowerSteps.moments`, valid from k = 1 on."""
         middle = 0.5 * mean_exponential(self.rates) - first_moment_exponential(self.rates)
         return middle[:, None] * self.at(np.arange(n) - 1 + theta)
 
@@ -117,7 +118,7 @@ class ExponentialSteps:
 
 @dataclass(frozen=True)
 class Integrated:
-    """The kernel ``int_0^t K``: with y' it gives ``int_0^t K(t-s) y(s) ds``, but for y(0) times it.
+    """The kernel ``int_0^t K``: its convolution with y' is that of K with y - y(0).
 
     Attributes
     ----------
@@ -135,12 +136,12 @@ class Integrated:
         return self.kernel.integral(t)
 
     def integral(self, t: float | np.ndarray) -> np.ndarray:
-        """Return ``int_0^t K``, by a rule that is graded towards 0."""
+        """Return ``int_0^t K``, by a rule whose panels shrink towards 0."""
         u, weights = graded_unit(16)
         return t * (self.kernel.integral(np.multiply.outer(t, u)) @ weights)
 
     def closest_fit(self, t_min: float, t_max: float, tol: float) -> ExponentialSum:
-        """Fit an exponential sum, a constant among it: the kernel's, integrated from t_min."""
+        """Fit by a sum with a constant: the sum of the kernel, integrated from t_min."""
         fit = self.kernel.closest_fit(t_min, t_max, tol, fading=True)
         if np.any(fit.rates == 0):
             required = "decay if it acts on y itself (derivative 0)"
@@ -154,7 +155,7 @@ class Integrated:
 
 @dataclass(frozen=True)
 class StepKernel:
-    """The kernel ``K(h t)``, t in steps; it answers what `PowerSteps` does.
+    """The kernel ``K(h t)``, t in steps, with the methods of `PowerSteps`.
 
     Attributes
     ----------
@@ -170,11 +171,11 @@ class StepKernel:
 
     @property
     def key(self) -> StepKernel:
-        """The kernel itself: its exponential sum is its own."""
+        """The object itself: no other kernel shares its sum of exponentials."""
         return self
 
     def at(self, t: np.ndarray) -> np.ndarray:
-        """Return K(h t), and beyond the last known time the value there."""
+        """Return K(h t); beyond the last known time the value at that time."""
         return self.kernel(np.minimum(self.h * t, self.kernel.t_last))
 
     def shares(self, n: int) -> np.ndarray:
@@ -188,8 +189,8 @@ class StepKernel:
     def seen(self, theta: float, n: int) -> np.ndarray:
         """Return integrals over [k-1+theta, k+theta] for k < n; over [0, theta] for k = 0.
 
-        By Gauss's rule: from k = 2 on the kernel's singularity lies at least one interval away,
-        where sixteen points leave an error of 5.8**-32.
+        They are computed by Gauss's rule. From k = 2 on the singularity of the kernel is at least
+        one interval away, where sixteen points leave an error of 5.8**-32.
         """
         weights = np.empty(n)
         weights[0] = self.kernel.integral(theta * self.h) / self.h
@@ -206,7 +207,7 @@ class StepKernel:
         return float(shares[0] * alternating_sum(shares / shares[0]))
 
     def exponentials(self, n_steps: float, tol: float) -> ExponentialSum:
-        """Fit an exponential sum from one step to `n_steps` steps, as close as it can be had."""
+        """Fit a sum from one step to `n_steps` steps, to `tol` or as closely as possible."""
         return _exponentials(self, n_steps, tol)
 
 

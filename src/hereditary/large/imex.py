@@ -75,7 +75,7 @@ class IMEX(Scheme):
         return self.scheme.orders
 
     def check_terms(self, system: System) -> None:
-        """Refuse what `scheme` does not take, and equations without `linear`."""
+        """Refuse terms that `scheme` cannot solve, and equations without `linear`."""
         super().check_terms(system)
         if system.matrix is None:
             remedy = "Equation(terms, rhs, y0, linear=A), or take the scheme by itself"
@@ -95,7 +95,7 @@ class IMEX(Scheme):
         return order if smoothness == "smooth" else min(order, 1 + alpha)
 
     def reduction(self, system: System) -> System | None:
-        """Return the equation with its constant matrix alone for the Jacobian."""
+        """Return the system whose Jacobian is the constant matrix alone."""
         matrix, (jac, structure) = system.matrix, (slopes(no_slopes()), None)
         if system.d > FEW and 2 * matrix.nnz < system.d**2:
             none = np.zeros(0, dtype=np.int64)
@@ -104,11 +104,11 @@ class IMEX(Scheme):
         return replace(system, compiled_jac=jac, structure=structure, linear_alone=False)
 
     def plan(self, system: System, h: float) -> Plan:
-        """Make tables and convolution for `system` with step h."""
+        """Return tables and convolution for `system` with step h."""
         return replace(self.scheme.plan(system, h), slowest=SLOWEST)
 
     def mesh_plan(self, system: System, times: np.ndarray) -> Plan:
-        """Make the plan on a mesh of any steps."""
+        """Return the plan on any mesh."""
         if not self.takes_meshes:
             return super().mesh_plan(system, times)
         return self.scheme.mesh_plan(system, times)

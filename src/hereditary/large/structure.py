@@ -43,7 +43,7 @@ class Structure:
     constants : ndarray, shape (k,), optional
         Summands known beforehand, which given Jacobians leave out; 0 by default.
     places : ndarray of int64, shape (k,), optional
-        Where a given Jacobian holds each value; -1 for none. None for differences.
+        Position of each entry in the array of a given Jacobian, -1 for none. None for differences.
     """
 
     def __init__(
@@ -121,7 +121,7 @@ class Structure:
 
     @cached_property
     def band(self) -> Band | None:
-        """The band that holds all entries, components put in another order; None for wide ones."""
+        """The band that contains all entries of reordered components; None if it would be wide."""
         for order in (np.arange(self.n), self._narrow_order()):
             offsets = order[self.rows] - order[self.columns]
             lower, upper = int(offsets.max(initial=0)), int(-offsets.min(initial=0))
@@ -147,7 +147,7 @@ class Structure:
         return Structure(self.n * s, rows, columns, places=np.full(rows.size, -1))
 
     def newton(self, tangents: bool, implicit: bool, exact: bool) -> NewtonSetup:
-        """Return `Newton` for these entries; see `solver.linear_solvers.newton_of`."""
+        """Return `NewtonSetup` for these entries; see `newton_of` in given/linear_solvers.py."""
         return newton_of_structure(self, 1 + int(tangents), implicit, int(exact))
 
     def with_velocities(self) -> Structure:
@@ -158,10 +158,10 @@ class Structure:
 
 
 class Stated(NamedTuple):
-    """Statements of an equation about its Jacobian.
+    """What an equation states of its Jacobian.
 
-    `rows` and `columns` (k,) are those of the entries of d rhs / d y, None if any may differ from
-    0. `shape` is the shape of the array that `jac` fills, and `places` (k,) of the entries in it.
+    `rows` and `columns` (k,) are those of the entries of d rhs / d y, None if any entry may differ
+    from 0. `jac` fills an array of `shape`, in which the entries have the positions `places` (k,).
     `linear` is the constant matrix as SciPy's CSR array, or None.
     """
 
@@ -172,7 +172,7 @@ class Stated(NamedTuple):
     linear: Any
 
     def values_of(self, jac: Callable | None, start: Start) -> Callable | None:
-        """Return a Jacobian that returns its values, from one that may return SciPy's matrices."""
+        """Return a Jacobian that returns values of entries, from one that may return matrices."""
         if jac is None or len(self.shape) > 1:
             return jac
         arity = arity_of("jac", "data", jac, start)
@@ -184,7 +184,7 @@ class Stated(NamedTuple):
         return OnPattern(jac, self.rows, self.columns) if hasattr(found, "tocsr") else jac
 
     def constants(self) -> tuple[np.ndarray, ...]:
-        """Return the arrays that a state of a run depends on."""
+        """Return the arrays that a state of a run must share."""
         linear = self.linear
         return () if linear is None else (linear.data, linear.indices, linear.indptr)
 
@@ -220,7 +220,7 @@ class Stated(NamedTuple):
 
 
 class OnPattern:
-    """A Jacobian that returns the values of a pattern's entries, of one that returns matrices."""
+    """A Jacobian of values of a pattern's entries, from one that returns matrices."""
 
     def __init__(self, jac: Callable, rows: Any, columns: Any) -> None:
         self._jac, self._rows, self._columns = jac, rows, columns
@@ -239,7 +239,7 @@ class OnPattern:
 
 
 def copied(given: Any) -> Any:
-    """Return a copy of an array or matrix; anything else as it is."""
+    """Return a copy of an array or matrix; any other value unchanged."""
     return given.copy() if hasattr(given, "copy") else given
 
 
@@ -254,7 +254,7 @@ def stated(
 ) -> Stated:
     """Check what an equation of d components states of its Jacobian, and return it as `Stated`.
 
-    `rearranged` tells that the system which is solved has other components.
+    `rearranged` says whether the system that is solved has other components than y.
     """
     given = {"bandwidth": bandwidth, "jac_sparsity": jac_sparsity, "linear": linear}
     named = [name for name, part in given.items() if part is not None]
@@ -300,7 +300,7 @@ def _widths(bandwidth: Any, d: int) -> list[int]:
 
 
 def _pattern(pattern: Any, d: int) -> tuple[np.ndarray, np.ndarray]:
-    """Return rows and columns of a pattern's entries, in the order of its data."""
+    """Return rows and columns of the entries of a pattern, in the order of its data."""
     required = f"be a pattern of shape ({d}, {d}), SciPy's sparse or an array"
     if not hasattr(pattern, "tocsr"):
         pattern = _as_matrix("jac_sparsity", pattern, required)
@@ -344,7 +344,7 @@ def _as_matrix(name: str, given: Any, required: str) -> Any:
 
 
 def _sparse() -> Any:
-    """Import SciPy's sparse matrices, which takes long."""
+    """Import SciPy's sparse matrices, which takes a long time."""
     return importlib.import_module("scipy.sparse")
 
 
@@ -377,7 +377,8 @@ def entries_of(jac: Any, shape: tuple[int, ...], linear: bool) -> Any:
 def dense_of(jac: Any, content: bytes, shape: tuple[int, ...]) -> Any:
     """Return a dense Jacobian from one that sets the values of entries.
 
-    Bytes and shape (5, k) are those of their table: it is compiled once for each content.
+    `content` and `shape` (5, k) are the bytes and the shape of the table of entries. The function
+    is compiled once for each content.
     """
     table = np.frombuffer(content).reshape(shape).copy()
 

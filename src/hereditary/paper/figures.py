@@ -1,6 +1,7 @@
-"""Figures 1 to 8 of the paper, at its own step and converged.
+"""Figures 1 to 8 of the paper, with its own step and with converged steps.
 
-Each function computes one figure, saves it with its table, and returns what it found in lines.
+Each function computes one figure, saves it with its table, and returns its results as lines of
+text.
 """
 
 from __future__ import annotations
@@ -122,7 +123,7 @@ def _pair(table: Table, value: str) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _column(table: Table, value: str, k: int) -> Table:
-    """Return the k-th entry of an array value, as "exponent"."""
+    """Return the k-th entry of a value that is an array, under the name "exponent"."""
     return Table(table.axes, {"exponent": table[value][:, k]}, table.status)
 
 
@@ -169,7 +170,7 @@ def _spectra(
 
 
 def _told(table: Table, parts: list[str], title: str) -> list[str]:
-    """Return signs of the exponents in each of the runs, and where growth is certain."""
+    """Return in words the signs of exponents in each run, and where growth is certain."""
     summary = [
         f"{title}, {part}: {signs(zip(*_pair(table, f'{part}_exponent'), strict=True))}"
         for part in parts
@@ -230,7 +231,7 @@ def _one_orbit(
     coarse: Sequence[Any],
     title: str,
 ) -> None:
-    """Draw a column of a figure of orbits: collocation, and the paper's step behind it."""
+    """Draw a column of a figure of orbits: collocation in front, the paper's step behind."""
     place, speed = rows
     for ax, values, behind in zip(axes[:2], rows, coarse[:2], strict=True):
         ax.plot(times, behind, lw=0.7, color="#D55E00", label=r"$\tau = 0.005$")

@@ -1,4 +1,4 @@
-"""Common parts of all figures: where they go, how they are computed and saved."""
+"""Common parts of all figures: folder, executor, and saving of figures and tables."""
 
 from __future__ import annotations
 
@@ -36,17 +36,17 @@ class Job:
     executor: Executor | None = None
 
     def few(self, values: np.ndarray, n: int = 3) -> np.ndarray:
-        """Return the values of an axis, in a quick run `n` of them from end to end."""
+        """Return the values of an axis, or `n` of them, from end to end, in a quick run."""
         if not self.quick or len(values) <= n:
             return values
         return np.asarray(values)[np.linspace(0, len(values) - 1, n).round().astype(int)]
 
     def size(self, full: Any, quick: Any) -> Any:
-        """Return a number, smaller in a quick run."""
+        """Return `full`, or `quick` in a quick run."""
         return quick if self.quick else full
 
     def sweep(self, function: Callable, grid: Mapping[str, Any], **settings: Any) -> Table:
-        """Return the function with these settings over a grid."""
+        """Return the table of a function over a grid, computed with these settings."""
         return sweep(partial(function, **settings), grid, executor=self.executor)
 
     def save_table(self, name: str, table: Table) -> None:

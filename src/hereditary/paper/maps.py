@@ -1,7 +1,4 @@
-"""Beyond the paper: bifurcation diagrams and maps of dynamic regimes.
-
-The source announces both as future work.
-"""
+"""Bifurcation diagrams and maps of dynamic regimes, which the paper announces as future work."""
 
 from __future__ import annotations
 
@@ -106,7 +103,7 @@ def _diagram(
     panels: Mapping[str, Mapping[str, Any]],
     n_steps: int | None = None,
 ) -> list[str]:
-    """Draw places in the well once a period, one panel above the other."""
+    """Draw positions in the well, sampled once a period, one panel above the other."""
     grid = {axis: job.few(values, 4)}
     t_end, count = job.size(T_DIAGRAM, 60.0), job.size(N_SAMPLES, 20)
     how = {"t_end": t_end, "count": count, "n_steps": n_steps and job.size(n_steps, 6000)}

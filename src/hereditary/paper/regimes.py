@@ -218,7 +218,7 @@ def classify(
 
 
 class _Orbit:
-    """Places of the load at equal distances in time, and what can be counted on them."""
+    """Positions of the load at equidistant times, and counts of its passages and rests."""
 
     def __init__(self, solution: Solution, period: float, spacing: float, begin: float) -> None:
         self._period, self._pulled = period, math.isfinite(period)
@@ -236,16 +236,16 @@ class _Orbit:
         self.n_wells = self._passages.size
 
     def _from(self, window: float) -> int:
-        """Return the first look in the last share `window` of the run."""
+        """Return the index of the first point in the last fraction `window` of the run."""
         return round((1 - window) * (self._t.size - 1))
 
     def _slow(self, slowness: float) -> np.ndarray:
-        """Return whether a rest of a quarter period begins, for each look."""
+        """Return for each point whether a rest of a quarter period begins there."""
         slow = self._advance < slowness * self._pull
         return np.append(slow, np.zeros(self._quarter, dtype=bool))
 
     def _resting(self, slowness: float) -> np.ndarray:
-        """Return whether the load is at rest, for each look."""
+        """Return for each point whether the load is at rest."""
         sums = np.cumsum(self._slow(slowness))
         return sums > np.concatenate([np.zeros(self._quarter), sums[: -self._quarter]])
 
@@ -274,9 +274,10 @@ class _Orbit:
         return [(float(self._t[a]), float(self._t[b])) for a, b in stays]
 
     def recurrence(self, window: float) -> tuple[int, float]:
-        """Return the number of wells after which times in wells repeat best, and how well.
+        """Return the number of wells after which times in wells repeat best, and their difference.
 
-        Every cycle, and four of the longer times, must be seen; 0 and NaN where they are not.
+        Every cycle, and four of the longer times, must have been passed; otherwise return 0 and
+        NaN.
         """
         begin = self._t[self._from(window)]
         passages = self._passages[self._passages >= begin]
@@ -305,7 +306,7 @@ def _passages(t: np.ndarray, x: np.ndarray, spacing: float) -> np.ndarray:
 
 
 def _share_irregular(orbits: Sequence[_Orbit]) -> tuple[float, float]:
-    """Share of the votes against repetition, and of those that could be given at all.
+    """Return the fraction of votes against repetition, and that of all votes that were possible.
 
     Half a vote is added on either side.
     """
@@ -334,6 +335,6 @@ def _chance_of_growth(exponent: LyapunovResult | None) -> float:
 
 
 def _odds(one: float, other: float) -> float:
-    """Return the probability from two independent estimates: their odds multiplied."""
+    """Return the probability from two independent estimates, whose odds are multiplied."""
     both, neither = one * other, (1 - one) * (1 - other)
     return both / (both + neither)

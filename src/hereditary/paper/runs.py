@@ -85,9 +85,9 @@ def _growth(run: LyapunovResult) -> dict[str, Any]:
 def orbit(
     *, times: np.ndarray, n_steps: int | None = None, rtol: float = 1e-10, **parameters: Any
 ) -> tuple[np.ndarray, np.ndarray, list[tuple[float, float]]]:
-    """Place and velocity at given times, and the stays in the wells [(start, end)].
+    """Return position and velocity at given times, and the stays in the wells [(start, end)].
 
-    By collocation, or with `n_steps` of the paper's scheme.
+    They are computed by collocation, or with `n_steps` of the scheme of the paper.
     """
     how = {"rtol": rtol} if n_steps is None else {"n_steps": n_steps, "scheme": ExplicitCaputo()}
     solution = solve(stick_slip(**parameters), float(times[-1]), **how, estimate=False)
@@ -98,9 +98,9 @@ def orbit(
 def section(
     *, t_end: float, count: int, n_steps: int | None = None, **parameters: Any
 ) -> dict[str, Any]:
-    """Return the last samples once a period of the wells: place in the well, and velocity.
+    """Return the last samples once a period of the wells: position in the well, and velocity.
 
-    By collocation, or with given steps of a scheme of second order.
+    They are computed by collocation, or with given steps of a scheme of second order.
     """
     how = {"rtol": 1e-7} if n_steps is None else {"n_steps": n_steps, "scheme": BDF(2)}
     solution = solve(stick_slip(**parameters), t_end, **how)
@@ -114,9 +114,9 @@ def section(
 
 
 def regime(*, t_end: float, n_steps: int, **parameters: Any) -> dict[str, Any]:
-    """Return the regime of an orbit, checked by one with twice the step.
+    """Return the regime of an orbit, checked by a run with twice the step.
 
-    A scheme of second order: at these steps the paper's own turns some of the verdicts.
+    The scheme is of second order: with these steps the scheme of the paper changes some verdicts.
     """
     equation, scheme = stick_slip(**parameters), BDF(2)
     n_steps = _solvable(n_steps, t_end, **parameters)
@@ -146,8 +146,8 @@ def _solvable(
 ) -> int:
     """Return n_steps, doubled until twice the step also has one solution at a barrier.
 
-    An implicit step has several where the force rises faster than the scheme's own weight,
-    ``(3 / 2 / h)**beta``; orders of inertia near 1 need short ones.
+    An implicit step has several solutions if the force rises faster than the weight of the scheme,
+    ``(3 / 2 / h)**beta``. Orders of inertia near 1 need short steps.
     """
     steepest = adhesion * sum(n * a for n, a in enumerate(PRINTED_WELL, 1))
     while (4 / 3 * t_end / n_steps) ** beta * steepest > 0.9:

@@ -35,7 +35,7 @@ LABELS = {
 
 @contextmanager
 def made(ax: Any, rows: int = 1) -> Any:
-    """Yield the given axes as they are, or new ones with the style of the package."""
+    """Yield the given axes unchanged, or new ones with the style of the package."""
     if ax is not None:
         yield ax
         return
@@ -51,5 +51,5 @@ def chosen(components: Any, d: int) -> Any:
 
 
 def style(own: dict[str, Any], line: dict[str, Any]) -> dict[str, Any]:
-    """Return keywords of a line; the user's replace ours, also under their short names."""
+    """Return keywords of a line; those of the user replace ours, also under their short names."""
     return normalize_kwargs(own, Line2D) | normalize_kwargs(line, Line2D)

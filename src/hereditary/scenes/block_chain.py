@@ -124,7 +124,7 @@ def stick_slip_chain(
 
 
 def _by_blocks(name: str, values: ArrayLike, blocks: int) -> np.ndarray:
-    """Return one number for each block."""
+    """Return an array with one number for each block."""
     found = real_array(name, values)
     if found.shape not in ((), (blocks,)):
         refuse(name, f"be a number or have shape ({blocks},)", f"shape {found.shape}")

@@ -31,7 +31,7 @@ _LOOKS = 8
 
 @inner
 def over_sine(x: float, params: np.ndarray, first: int) -> float:
-    """Return ``sum_n a_n sin(n x) / sin(x)``, a_1 standing at `first`, by Clenshaw's recurrence."""
+    """Return ``sum_n a_n sin(n x) / sin(x)`` by Clenshaw's recurrence; a_1 is params[first]."""
     twice_cosine = 2.0 * math.cos(x)
     b, b_next, last = 0.0, 0.0, params.shape[0] - 1
     for k in range(last - first + 1):  # a loop that counts up takes 7 ns less
@@ -227,7 +227,7 @@ def sticking_intervals(
 def _sampled(
     solution: Solution,
 ) -> tuple[np.ndarray, np.ndarray, Callable[[np.integer, float], float]]:
-    """Return times, positions, and a function that locates a level after a sample."""
+    """Return times, positions, and a function that locates a level crossed after a sample."""
     t, x = solution.t, solution.y[:, 0]
     if not solution.coarse:
 
