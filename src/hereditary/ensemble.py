@@ -332,7 +332,8 @@ class _Run:
     def _worker(self) -> Callable:
         """Return a function that solves remaining members: `most` of them, or all."""
         base, one = self._members.base, self._solve
-        # a function that is called in Python reads the parameters of its own equation
+        # a function in Python reads the parameters of its own equation, so each member needs a
+        # separate stepper
         if self._kept is not None and not (base.system.callbacks or base.system.delays):
             history, t_end = self._how["history"], self._t_end - base.t_start
             run = base.system, self._how["scheme"], history, self._steps

@@ -330,7 +330,7 @@ class _Transform:
         self.below, self.above, self.rows = below, [p for p, _ in above], rows
         u = _zeros(below)
         scale = below.log_size(u.real)
-        # of two forms that are equal at a pole, the one that cancels less
+        # of two forms of P that are equal at a pole, the one that cancels less
         values = [
             np.where(p.log_size(u.real) <= o.log_size(u.real), p.at(u, scale), o.at(u, scale))
             for p, o in above
@@ -374,7 +374,7 @@ def _zeros(f: _Exponentials) -> np.ndarray:
     if f.exponents.size == 1:
         return np.zeros(0, dtype=complex)
     size, a, room = np.log(np.abs(f.coefficients)), f.exponents, math.log(2 * f.exponents.size)
-    # outside of [low, high] one term outweighs all the others; exp(+-300) is beyond any time
+    # outside of [low, high] one term exceeds the sum of all others; exp(+-300) is beyond any time
     high = min(300.0, ((size[:-1] - size[-1] + room) / (a[-1] - a[:-1])).max())
     low = max(-300.0, ((size[0] - size[1:] - room) / (a[1:] - a[0])).min())
     # F is real on the real axis, so the upper half plane suffices

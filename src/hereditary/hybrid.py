@@ -463,7 +463,7 @@ class HybridEvents(Events):
         if acting and (stands <= last or together(stands, last)):
             over = end < math.inf and (last <= stands or bool(together(last, stands)))
             self.fired = {n: sign for t, n, sign in acting if t <= stands or together(t, stands)}
-            # zeros at the time of the interruption are found there
+            # zeros at the time of the interruption belong to it
             for i, (t, number, sign) in enumerate(found):
                 found[i] = (stands if together(t, stands) else t, number, sign)
             end = stands

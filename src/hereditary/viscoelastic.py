@@ -241,7 +241,7 @@ class Combined(Model):
             refuse("parts", "hold at least one model", repr(self.parts))
 
     def _split(self, s: np.ndarray) -> tuple[tuple[float, np.ndarray], tuple[float, np.ndarray]]:
-        # with A = Q/s and B = 1/Q, or the other way round in series: A B = 1/s, and parts add A
+        # A = Q/s and B = 1/Q, or the reverse in series: then A B = 1/s, and parts add A
         halves = list(zip(*(part._split(s) for part in self.parts), strict=True))
         added, others = halves if self.arrangement == "parallel" else halves[::-1]
         limit, rest = sum(one for one, _ in added), sum(one for _, one in added)

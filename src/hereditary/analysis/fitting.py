@@ -224,7 +224,8 @@ def fit(
     if size < start.size:
         refuse("data", f"hold at least {start.size} values, one for each parameter", size)
     runs = _Runs(model, names, isinstance(p0, Mapping), series, observe, how)
-    # SciPy sees sizes of 1: differences are relative, tolerances at bounds are absolute
+    # parameters are scaled to size 1 for SciPy: its differences are relative, its tolerances at
+    # bounds absolute
     shift = np.where(start == 0, 1.0, 0.0)
     scale = np.abs(start) + shift
 

@@ -330,7 +330,8 @@ class AdaptiveStepper(ResumableStepper, TangentStepper, JumpingStepper):
         self._t_end, self._errors = t_end, Allowed(rtol, by_component, by_size)
         self._allowed = self._errors.times(STEP_FRACTION)
         default_tol = max(1e-14, min(1e-3, _MODES_FRACTION * self._allowed.rtol))
-        # larger errors of the modes would look like a rough solution, and no step would suffice
+        # with larger errors of the modes the solution would look rough, and no step would be short
+        # enough
         self.modes_tol = default_tol if modes_tol is None else min(default_tol, modes_tol)
         self._known = known = max(t_end, scheme.horizon or 0.0)
         self._farthest = max(min(_REACH * t_end, 1e307), known)
@@ -400,7 +401,7 @@ class AdaptiveStepper(ResumableStepper, TangentStepper, JumpingStepper):
                     self._orders.fill(self._orbit, origin, limits)
                 status = self._march_on(Steps(*(array[n:] for array in steps)), limits)
             except Exception as error:
-                # the steps before the failure are accepted
+                # the steps before the exception are accepted
                 self._error, status = error, REACHED
             if self.n_steps > first:
                 self._orbit.record_step(float(self._control["last"]))

@@ -257,7 +257,7 @@ def _form_of(system):
     varying = list(dict.fromkeys(op for op in others if op.kernel is None))
     places: list = [*orders, *kernels, *varying]
     listed = [(row.row, row.integrand, _place(row, places), row.coefficient) for row in rows]
-    # y(0) itself, where it is integrated, has the exponent 0 instead of 1
+    # y(0), if it is integrated, is a power with exponent 0 instead of 1
     raised = [row.integrand == POSITION and row.offset > 0 for row in rows]
     powers = zip(rows, raised, strict=True)
     increments = [row.order + one for row, one in powers if row.order is not None]
@@ -313,8 +313,8 @@ def _integral_rows(system, c, highest, second, leading):
         if factor == 0 or (operator.constant and operator.order == highest):
             continue
         if not operator.constant:
-            # for an integer highest order, J of the convolution with p' is the convolution with
-            # p - p(0)
+            # if the highest order is an integer, the integral of the convolution with p' is the
+            # convolution with p - p(0)
             if operator.kernel is not None and operator.derivative == 1 + second:
                 rows.append(_Row(c, PRIMARY, factor, operator=operator, offset=1))
             else:

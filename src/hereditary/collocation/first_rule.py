@@ -102,7 +102,7 @@ def means(variable, orders, logs):
     """Return ``J**a / t**a`` of the node functions at log(t), finite for all t; (n_a, k, n)."""
     points, v, rule = graded_rule()
     a = np.array(orders)[:, None]
-    # the width that the rule leaves out contributes a power of itself
+    # the last weight is the integral over the width that the rule leaves out
     weights = rgamma(a) * np.hstack([rule * v ** (a - 1), LEFT_OUT**a / a])
     points = np.append(np.log(points), 0.0)
     if variable.c == 0.0:  # u is a product, so that the nodes are a rule for all times
@@ -129,7 +129,7 @@ def convolutions(variable, kernel, h):
     distances = np.maximum(np.multiply.outer(ends, v), _NEXT_TO_0)
     kernels = kernel(distances) * weights * ends[:, None]
     values = _legendre(variable, np.add.outer(logs, np.log(points)))
-    # the width that the rule leaves out
+    # integral over the width that the rule leaves out
     rest = kernel.integral(np.maximum(ends * LEFT_OUT, _NEXT_TO_0))
     return np.einsum("ip,jip->ij", kernels, values) @ to_legendre(variable.n) + np.diag(rest)
 

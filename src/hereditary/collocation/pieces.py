@@ -56,7 +56,7 @@ class FirstPiece(Piece):
             p[t == 0.0] = self.p
             if not second.any():
                 return p
-            # y is the integral of p, t times its mean
+            # y is the integral of p: t times the mean of p
             row = self.row @ means_at_nodes(self.variable).T
             means = self._begun(row) + self._change(row, values)
             return np.where(second, self.y + self.length * t[:, None] * means, p)

@@ -195,7 +195,7 @@ class _Reduction:
         self._speeds[second] = d + np.arange(len(second))
         for j in second:
             self._places[j, 1.0] = self._add(float(system.y0[1, j]), j, 1.0)
-        # the row of F_j, where it is algebraic
+        # numbers of the algebraic rows that determine F_j, -1 before they are known
         self._rows = dict.fromkeys(np.flatnonzero(self._bare).tolist(), -1)
         starts = derivatives_at_start(system) if self._rows else {}
         for j in self._rows:

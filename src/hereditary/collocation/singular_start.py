@@ -51,7 +51,7 @@ def trials(system, form, orbit, t, left, longest, least, counts, units):
     rate, order = _rate(system, form, orbit, jacobian, just_after), _order(form)
     # over the first step the solution changes by about half of its size
     first = most if rate * most**order < 0.5 else (0.5 / rate) ** (1 / order)
-    # a power of a next to vanishing exponent is nearly constant beside others
+    # beside other powers, one with a tiny exponent is nearly constant
     others = tuple(g for g in form.generators if g >= _VANISHING)
     kinds = {form.generators, others if others[0] < 1.0 else form.generators}
     for generators in sorted(kinds):

@@ -56,7 +56,7 @@ def stage_solver(structure, form, s):
     if structure is None:
         how = {"lapack": lapack_address("dgehrd"), "lapack_solve": lapack_address("dorghr")}
         how["lapack_balance"] = lapack_address("dgebal")
-        # varying orders have new factors at each step
+        # if orders vary, each step is factorised anew
         how["hold"] = 0 if form.varying else _HOLD
         room = {"factors": np.empty((s, 1, d), complex), "dense": np.empty((2 + 2 * s, d, d))}
         order, jacobians = np.arange(d), np.zeros((1, d, d))

@@ -386,7 +386,7 @@ def stage_matrix(stage, h, jacobians, at_nodes, out):
     Residuals and p are in units of the scales of their components. The Jacobian is one for all
     nodes, or there is one for each. The integral over the step is that of `stage` times h.
     """
-    # jacobians (m, d, d), at_nodes (>= s,) is room, out (d s, d s)
+    # jacobians (m, d, d); at_nodes (>= s,) is workspace; out (d s, d s)
     matrices, kinds, integral = stage.matrices, stage.kinds, stage.integral
     second, scales = stage.second, stage.scales
     d, s, each = kinds.shape[0], integral.shape[0], jacobians.shape[0] > 1

@@ -13,9 +13,9 @@ import numba
 
 from .numba_internals import CHOSEN_PROCESSOR, STORED, Entries, Shipped, processor
 
-# Folder of the machine code that came with the package, and the file in it that says what the code
-# is made for.
+# Folder of the machine code that came with the package.
 SHIPPED = Path(__file__).parent.parent / "machine_code"
+# File in this folder with the target of the code.
 _MADE_FOR = "made_for.json"
 
 

@@ -19,7 +19,7 @@ class PythonRaised(Exception):
 
     def __init__(self):
         super().__init__("a function that is called in Python raised")
-        # numba may make the exception more than once
+        # numba may create the exception more than once
         self.__cause__ = vars(_raised).get("error")
 
 

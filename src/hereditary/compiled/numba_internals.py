@@ -134,8 +134,8 @@ def _name_of(fun):
 
 
 def _key(sig, processor, options):
-    # numba's own key would hold what the function closes over, which is pickled anew in every
-    # process; the stamp stands for all that
+    # numba's key would contain the closed-over values, which are pickled anew in every process;
+    # `stamp` replaces them
     return sig, processor, options, bool(config.BOUNDSCHECK)
 
 

@@ -33,7 +33,7 @@ def note(schedule, n, logs):
     schedule["last"] = n
     spread = max(0.0, np.max(logs)) - min(0.0, np.min(logs))
     if spread > _HIGH and schedule["automatic"]:
-        # and no longer ever after: spikes of contraction are rare, but come again
+        # the interval is never lengthened again: spikes of contraction are rare, but come again
         schedule["interval"] = max(1, int(schedule["interval"] * _HIGH / spread))
         schedule["longest"] = schedule["interval"]
     elif spread < _LOW and schedule["automatic"]:

@@ -65,8 +65,8 @@ def factorise_band(matrix, place, lower, upper, lapack, factors):
         factors[j, lower + upper + i - j] += matrix[VALUES, k]
         if not abs(matrix[VALUES, k]) < np.inf:
             wrong = 1
-    # n, diagonals, length of a column, LAPACK's status; then the pivots: one array, which is alive
-    # until LAPACK returns
+    # n, diagonals, length of a column and LAPACK's status, then the pivots: in one array, which
+    # exists until LAPACK returns
     numbers = np.empty(_N_NUMBERS + n, dtype=np.int32)
     numbers[0], numbers[1], numbers[2], numbers[3] = n, lower, upper, width + 1
     numbers[4], pivots, at = wrong, numbers[_N_NUMBERS:], numbers.ctypes.data
@@ -92,7 +92,7 @@ def sparse_solver(task, number, matrix, x, linear):
     return found
 
 
-# Pivots are on the diagonal as long as they are this large in comparison.
+# Least ratio of a diagonal entry to the largest entry of its column, with which it is the pivot.
 _PIVOT = 0.1
 _SYMMETRIC = {"SymmetricMode": True}
 

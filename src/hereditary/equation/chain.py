@@ -117,7 +117,7 @@ def chained(
         return _with_algebraic_rows(_summed(left), y0, params, rhs, jac)
     entries, inverse = _solved(left, d)
     lengths = np.ceil(leading_orders(left, d)).astype(int).tolist() if above else [1] * d
-    # (j, k) is the k-th derivative of y_j: y comes first, then y', and so on
+    # (j, k) is the k-th derivative of y_j: all y come first, then all y', and so on
     pairs = [(j, k) for k in range(max(lengths)) for j in range(d) if k < lengths[j]]
     places = {pair: place for place, pair in enumerate(pairs)}
     last = [places[j, length - 1] for j, length in enumerate(lengths)]

@@ -154,7 +154,7 @@ def with_memory(system: System, memory: Sequence[Term]) -> System:
     own = [t.operator._order for t in memory if t.operator.constant]
     mine = [op.order for op, _ in system.left if op.constant]
     orders = per_component("order", own, own_d, paired)
-    # orders that differ from those of the left side by rounding are the same
+    # orders that differ by rounding from those of the left side become equal to these
     orders = merged_orders(np.vstack([np.tile(mine, (d, 1)).T.reshape(-1, d), orders]))[len(mine) :]
     left = [SystemTerm(op, np.concatenate([c, np.zeros(k * d)])) for op, c in system.left]
     rows = iter(orders)

@@ -190,7 +190,7 @@ def _build(
     plain, k = _plain(fun), len(start.memory)
     if config.DISABLE_JIT:
         return _locking(_in_python(name, plain, arity, start, shape)), ""
-    # the functions are called from compiled code alone: a wrapper for others takes 1 MB each
+    # compiled code alone calls these functions: a wrapper for other callers takes 1 MB each
     inside = {"boundscheck": True, **without("cpython")}
     inner: dict[str, Any] = {"nogil": True, **without("cfunc"), **inside}
     # scenes of the package always read the same entries, and the call at t = 0 has checked these

@@ -177,7 +177,8 @@ def _visible_step(rhs: Any, params: np.ndarray, y0: np.ndarray, c: int) -> float
     for _ in range(_MOST_TRIALS if 0 < step < np.inf else 0):
         change, twice = (_moved(rhs, params, y0, c, by) - force for by in (step, 2 * step))
         linear = np.abs(twice - 2 * change) <= 0.1 * np.abs(twice) + 1e-13 * np.abs(force)
-        # in its own equation, if it is there: other rows may hold its square alone
+        # f must be linear in the component in its own equation if it occurs there: other rows may
+        # contain its square alone
         if not (linear[c] if change[c] else linear.all()):
             if found:
                 return found

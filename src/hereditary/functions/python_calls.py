@@ -72,7 +72,7 @@ class Callback:
         n: int,
         shape: tuple[int, ...],
     ) -> None:
-        # written out in one function, which is entered a million times
+        # one function without helpers, because it is called a million times
         components: dict[int, np.ndarray] = {}
         values: dict[int, np.ndarray] = {}
         kinds = ctypes.c_double * n, ctypes.c_double * int(np.prod(shape))

@@ -274,7 +274,7 @@ class FixedStepper(ResumableStepper, TangentStepper, JumpingStepper):
     def ydot(self):
         """First derivative at `t`, from the newest two increments, shape (d,)."""
         slope = self._slopes()[: self.system.n_solved]
-        # before the first step only components with an initial derivative have one
+        # before the first step only components with a given initial derivative have a slope
         known = self.n > 0 or (self.system.m == 1 and not self.system.frame.speeds)
         return slope if known else np.where(self.system.second, slope, np.nan)
 

@@ -41,7 +41,8 @@ def triangle(columns, inverse):
             return False
         for c in range(n):
             columns[c, j] /= largest
-        # row m of the inverse of R in column j: -(inverse of R) r_j, as columns are made orthogonal
+        # row m of column j of the inverse of R is -(inverse of R) r_j, computed while columns are
+        # made orthogonal
         for m in range(k):
             inverse[m, j] = 0.0
         for i in range(j):
@@ -105,7 +106,7 @@ def combine(array, d, matrix):
 def combine_tangents(state, memory, d, lasting, matrix):
     """Combine everything that is linear in the tangents by a matrix (k, k)."""
     if state.counts.step > _FIRST_STEPS:
-        # what is used in the first steps alone would grow without end as tangents decay
+        # arrays that only the first steps read would grow without end as tangents decay
         forget(state.starts, d)
         if lasting == 0:
             forget(state.corrections, d)

@@ -95,7 +95,7 @@ def remedy_of(system, scheme, h, watch, zigzag, growth):
         return seen + smaller
     if watch.largest > 1:
         step = longest_step(scheme, system, h, watch.largest)
-        # shorter steps come from orbits that blow up, or would take days
+        # a still shorter step comes from an orbit that blows up, or would take days
         smaller += f", h = {_BELOW * step:.2g} would do" if step > _LEAST * h else ""
     implicit = "BDF(2)" if system.constant else "L1()"
     if system.n_solved > FEW and system.structure is None:

@@ -62,8 +62,8 @@ def solve_step(march, t):
     source. The Jacobian and the factors of an earlier step are kept while the iteration contracts
     (counts.kept). Return False if it does not converge; count the calls of `rhs`.
     """
-    # state.newton (2, ., .), or (3, ., .) with tangents: Jacobian, Newton's matrix, that of the
-    # tangents
+    # state.newton (2, ., .) are the Jacobian and Newton's matrix; with tangents (3, ., .) their
+    # matrix follows
     m = march.work
     right, room, counts, work = m.right, m.room, m.state.counts, m.state.newton
     n, d, few = m.table.n_orbit, m.table.n_solved, m.linear.few == 1
@@ -281,7 +281,7 @@ def solve_linearly(m, t, i):
     `force` (d,) is f of the step before, and NaN if that was another function. Return False if the
     matrix is singular.
     """
-    # state.newton (2, ., .): A, and the matrix whose factors are kept
+    # state.newton (2, ., .) are A, and the matrix whose factors are stored
     user, room, rows, counts, work = m.right.user, m.room, m.rows, m.state.counts, m.state.newton
     x, force, w, moved, f, point = m.state.x, m.state.force, room.w, room.moved, room.f, room.point
     known, lead, base = room.known, room.lead, room.base

@@ -15,7 +15,7 @@ _OF_GAMMA = _SERIES.convert(kind=Polynomial).coef
 @compiled
 def inverse_gamma(p):
     """Return 1/Gamma(1 + p), 0 <= p <= 1, in a tenth of the time of SciPy's."""
-    # p (n,)
+    # p (n,): exponents
     found = np.empty(p.shape[0])
     for i in range(p.shape[0]):
         u, total = 2 * p[i] - 1, _OF_GAMMA[_DEGREE]

@@ -47,7 +47,7 @@ def moments(low, width, p, bent=True):
     high, nearest = low + width, low == 0.0
     beyond = np.where(nearest, 1.0, low)
     m_0, growth = p * np.log(np.where(nearest, high, beyond)), p * np.log1p(width / beyond)
-    # in place: fresh arrays of this size are handed back to the system each time
+    # in place: an array of this size would be returned to the system each time
     np.copyto(np.expm1(growth, out=growth), 1.0, where=nearest)
     np.multiply(np.exp(m_0, out=m_0), growth, out=m_0)
     if not bent:
@@ -58,7 +58,7 @@ def moments(low, width, p, bent=True):
         bend = np.expm1((p - 1.0) * np.log1p((node - 0.5) * width / middle))
         m_1 = m_1 + weight * (0.5 - node) * bend
     m_1 = p * width * width * middle ** (p - 1.0) * m_1
-    # wide: the closed form does not cancel
+    # for wide intervals the closed form does not cancel
     closed = middle * m_0 - p / (p + 1.0) * (high ** (p + 1.0) - low ** (p + 1.0))
     return m_0, np.where(width > 2.0 * low, closed, m_1)
 
@@ -122,11 +122,12 @@ class _Mesh:
         self._theta = np.broadcast_to(theta, steps.size) * 1.0
         self._seen = times[:-1] + self._theta * steps
         self._ratios = np.append(1.0, steps[1:] / steps[:-1])
-        # slope of the lean of each step over the difference of its mean and the next one's
+        # lean of each step, in units of the difference between the means of the next step and of
+        # this one
         ratio = self._ratios[1:]
         fit = (ratio <= _STEEPEST) & (_STEEPEST * ratio >= 1.0) & (parabolas > 0)
         self._slopes = np.append(np.where(fit, 2.0 / (steps[1:] + steps[:-1]), 0.0), 0.0)
-        # middles from that of a step before the first, as long as that, on, and between them
+        # midpoints of all steps, with a step of equal length added before the first
         self._middles = np.append(times[0] - 0.5 * steps[0], times[:-1] + 0.5 * steps)
         self._between = 0.5 * (steps + np.append(steps[0], steps[:-1]))
 
@@ -231,7 +232,8 @@ class RowSums:
         distinct, self.groups = distinct_columns(system)
         self.terms, read = zip(*distinct, strict=True)
         self.steps, self._parabolas, self._explicit = steps, parabolas, explicit
-        # an explicit step leaves memory that f reads for the next one, where t x'(0) is a step on
+        # an explicit step stores the memory that f reads for the next step, so its t x'(0) is one
+        # step later
         self._read, self._late = read, np.array(read) * explicit
         self._operators = list(dict.fromkeys(op for terms in self.terms for _, op in terms))
         self.from_zero = any(operator.from_zero for operator in self._operators)
@@ -263,10 +265,10 @@ class RowSums:
             Another tuple than before where this call filled them.
         """
         last, n_end = self._known
-        # beyond the run's end, as it was then, orders were not asked for
+        # orders beyond the former end of the run have not been evaluated yet
         if not self.rows.first <= n < min(last, n_end):
             first = n // ROWS_AT_ONCE * ROWS_AT_ONCE
-            # whole groups, so that a longer run works these steps out in the same way
+            # whole groups: a longer run then computes these steps in the same way
             size = min(ROWS_AT_ONCE, math.ceil((self._n_end - first) / _GROUP) * _GROUP)
             with np.errstate(all="ignore"):  # a weight that is none ends the run below
                 last = first + self._fill(np.arange(first, first + size))
@@ -326,7 +328,7 @@ class RowSums:
             above = any(operator.derivative == 2 for _, operator in terms)
             for c, operator in terms:
                 p, factor = self.powers[operator]
-                # the derivative of t x'(0), which halves of a reduced order leave out
+                # the derivative of t x'(0), unless the order has been halved
                 if operator.derivative == 1 and (above or self._read[a]):
                     times = self.steps.times(n + self._late[a])
                     found[0, a] += c * factor * times**p

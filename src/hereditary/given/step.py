@@ -143,7 +143,7 @@ def change(m, n, p):
     known, shift, lead, f, w = m.room.known, m.room.shift, m.room.lead, m.room.f, m.room.w
     given, u, d, pieces = m.table.given, m.state.increment, m.state.change, m.state.pieces
     for c in range(w.shape[0]):
-        # at first increments of order above 1 hold h x'(0) already: the scheme's x_1
+        # before the first step the increment of order above 1 includes h x'(0), which w excludes
         w_old = pieces[c, p] if n > 0 else u[c] - shift[c]
         more = 0.0 if n == 0 and given[c] == 1 else lead[c] * f[c] - known[c]
         w[c], d[c] = w_old + more, more if n > 0 else 0.0

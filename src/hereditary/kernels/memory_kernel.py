@@ -136,7 +136,7 @@ class ScaledKernel(MemoryKernel):
     kernel: MemoryKernel
 
     def __post_init__(self) -> None:
-        # a product of two factors may leave the range of numbers
+        # the product of two factors may overflow, or become 0
         _not_zero("factor", self.factor)
 
     def __repr__(self) -> str:

@@ -399,7 +399,7 @@ class MittagLeffler(MemoryKernel):
         high = a * (far - logs.min(initial=0.0)) + bend
         w = step * np.arange(math.floor(low / step), math.ceil(high / step))
         f, rest = expit(w), expit(-w)
-        # sin(pi z) = sin(pi (1 - z)) without the loss of digits next to z = 1
+        # sin(pi z) = sin(pi (1 - z)) keeps all digits next to z = 1
         below = np.sin(np.pi * np.minimum(a * f, 1 - a + a * rest))
         above = np.sin(np.pi * np.minimum(a * rest, 1 - a + a * f))
         v = np.log(below / above) / a

@@ -55,11 +55,11 @@ class Output:
         self._every, times, self._components = kept
         self._frame, self._asked, self.events = stepper.system.frame, times, events
         self._wanted = np.empty(0) if times is None else times - self._frame.start
-        # steps chosen on the way are counted from where the run begins
+        # steps chosen by a tolerance are counted from the start of this run
         self._n = self._first = int(stepper.position) if self._counted else 0
         self._starting: FirstSteps | None = None
         self._second = stepper.system.second
-        # slopes of given steps are those of their dense output
+        # on given steps slopes are those of the dense output
         speeds = bool(self._frame.speeds)
         self._sloped = self._counted or stepper.system.m == 2 or speeds
         self.end, self.ended = stepper.t, False

@@ -118,8 +118,8 @@ def run(
         status=ended.status,
         message=report(stepper, ended),
         stats=stats,
-        # a small state is made on demand, which takes as long as some steps; until then the
-        # solution keeps the stepper
+        # a small state is made when it is requested, which takes as long as some steps; until then
+        # the solution keeps the stepper
         left=left if small else left(),
         dense=dense,
         t_events=[np.array(times) + frame.start for times in events.times[:n_events]],

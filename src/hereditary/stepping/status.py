@@ -86,7 +86,7 @@ def failed(error: BaseException) -> Ending:
     cause = original(error)
     if isinstance(cause, OrderFailed):
         return Ending(Status.ORDER_FAILED, str(cause), error)
-    # kernels are called from Python alone: their methods are among the frames
+    # kernels are called from Python alone, so their methods are among the frames
     owners = (frame.f_locals.get("self") for frame, _ in traceback.walk_tb(cause.__traceback__))
     by_kernel = any(isinstance(owner, MemoryKernel) for owner in owners)
     status = Status.KERNEL_FAILED if by_kernel else Status.RHS_FAILED

@@ -102,10 +102,10 @@ class SumOfExponentials(History):
             covered = self._covered(span + 1, (), span) if mesh is None else self._span(mesh, span)
             own = _ModesOfAllOrders if past.varies else _FittedModes
             return own(past, n_columns, covered, float(self.tol))
-        # one block more than asked for: a lag is filled for whole blocks
+        # one more block: a lag is computed for whole blocks
         kernels = past.kernels()
         covered = self._covered(span + n_block, kernels, span)
-        # kernels of the user's may change between runs, powers do not
+        # the user's kernels may change between runs, powers do not: so their tables are not cached
         tabulate = _tabulated if kernels else _kept
         tables, blocks, pad, errors = tabulate(past, float(covered), self.tol, n_block)
         n = tables.weights.shape[1]
@@ -124,7 +124,7 @@ class SumOfExponentials(History):
 
     def _span(self, mesh, span):
         """Return the shortest and longest time lag of modes on a mesh."""
-        # a mesh of one step may go on, with steps that are no shorter
+        # a mesh of one step may be continued, by steps that are no shorter
         shortest = span.shortest if np.isfinite(span.shortest) else mesh[1]
         return Span(shortest, max(span.farthest, self.horizon or 0.0))
 
@@ -157,7 +157,7 @@ def _tabulated(convolution, covered, tol, n_block):
     n_short = min(first, n_block + 2)
     block_weights[:, :n_short] += corrections[:, :n_short]
     block_start_weights[:, 2:n_block] = (start_shares @ ahead[:, :-1]).real[:, 2:]
-    # the march sets all modes of a start value to it, also the imaginary parts
+    # the march sets all modes of a start value to it, also imaginary parts: hence the factor
     start_shares = start_shares / np.where(rates.imag != 0, 1 + 1j, 1)
     back = np.vstack([ahead[:, :-1].T[::-1], ahead[:, -1]])
     weights, start_weights, keep = map(bank.real_modes, (shares, start_shares, back))
@@ -186,12 +186,12 @@ class _RowModes(OpenHistory):
 
     def __init__(self, past, n_columns, covered, tol):
         self._past, self._covered, self._tol, self._rows = past, covered, tol, past.rows
-        # 0 for terms without memory
+        # derivative inside each term, 0 for terms without memory
         derivatives = np.zeros((len(past.terms), max(map(len, past.terms))))
         for row, terms in zip(derivatives, past.terms, strict=True):
             row[: len(terms)] = [0 if op.classical else op.derivative for _, op in terms]
         self._kinds, mesh = np.unique(derivatives[derivatives > 0]).astype(int), past.steps.mesh
-        # velocities of order above 1 are seen from the middle of a step on
+        # above order 1 velocities are those of midpoints of steps
         self._nearest = past.steps.h if mesh is None else covered.shortest / self._kinds[-1]
         self._ratio = covered if mesh is None else max(2.0, covered.farthest / self._nearest)
         n_sets = 1 if mesh is None else self._kinds.size
@@ -251,7 +251,7 @@ class _FittedModes(_RowModes):
             for c, operator in terms:
                 if not operator.classical:
                     p, kind = operator.power, operator.derivative - 1
-                    # c p t**(p-1) / Gamma(p + 1) in units of the nearest distance
+                    # factor of c p t**(p-1) / Gamma(p + 1) in units of the nearest distance
                     scale = c * p * operator.factor(1.0) * self._nearest ** (p - 1)
                     columns = slice(kind * self.tables.length, kind * self.tables.length + size)
                     own[: seen.shape[1], columns] += scale * self._fitted[p] * seen[kind]
@@ -266,9 +266,10 @@ class _ModesOfAllOrders(_RowModes):
 
     def _bank(self):
         rates, self._h, x = bank_of_all_orders(self._ratio, self._tol)
-        # more of the grid, as many as are summed at a time
+        # the number of grid rates is rounded up to what is summed at a time
         n_grid = _FOURS * math.ceil((rates.size - SLOW_NODES) / _FOURS)
-        # exponents times these: amplitudes before the grid, from one rate to the next, and a fourth
+        # logarithms whose products with an exponent give three amplitudes: that before the grid,
+        # the ratio of neighbours, and the ratio over a fourth of the grid
         self._logs = x - math.log(self._nearest), self._h, self._h * n_grid / LANES
         self._room = np.zeros((1, n_grid // LANES))
         self._decays = np.exp(-self._h * np.arange(1.0, SLOW_NODES))

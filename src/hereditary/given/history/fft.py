@@ -16,7 +16,7 @@ from ..past import exchange_pending
 from ..signatures import Tables, held
 from .history import History, OpenHistory
 
-# Blocks in the shortest batch: below, direct sums are faster than entering Python again.
+# Number of blocks in the shortest batch. Below it direct sums are faster than calls of Python.
 _BLOCKS = 32
 
 
@@ -65,7 +65,7 @@ class _Pending(OpenHistory):
         capacity = n_end + self._n_block
         grown = [_grown(getattr(self.arrays, name), capacity) for name in ("pieces", "pending")]
         self.arrays = self.arrays._replace(pieces=grown[0], pending=grown[1])
-        # the largest square that ends before step n_end asks for weights of twice its length
+        # the largest square that ends before step n_end needs weights of twice its length
         blocks = (n_end - 1) // self._stretch
         square = self._stretch << (blocks.bit_length() - 1) if blocks else 0
         self._tabulate(max(capacity + self._n_block, 2 * square) + 1)
@@ -88,7 +88,7 @@ class _Pending(OpenHistory):
         self.arrays = self.arrays._replace(pending=pending)
         stored[:, n - self._n_block : n] = pieces[:, : self._n_block]
         self._tabulate(2 * length + 1)
-        # stored[s] is u_(s-1): it acts on step n' with the weight of k = n' - s + 1
+        # stored[s] is u_(s-1), whose weight at step n' is that of k = n' - s + 1
         size = next_fast_len(2 * length, real=True)
         kernel = rfft(self.tables.weights[:, 1 : 2 * length + 1], size, axis=1)
         product = rfft(stored[:, n - length : n], size, axis=1) * kernel[groups]

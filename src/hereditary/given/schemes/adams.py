@@ -85,7 +85,7 @@ def _modal_hat(alpha, rates, weights, k):
 
 def _modal_start(alpha, rates, weights, k):
     ramp = first_moment_exponential(rates)
-    # at k = 0 this would be exp(rates): the share is used from k = 2 on, in products with powers
+    # the factor is at most 1, because the share is used from k = 2 on
     return _step_share(alpha, rates) * weights * ramp * np.exp(-rates * (k - 1))
 
 
@@ -124,7 +124,7 @@ def _region(system, lead, corrections):
         eta = np.abs((1 - 2 ** (2 + above)) * zeta(-1 - above))
         limits = np.where(orders > 1, 1 / (4 * eta * lead), np.inf)
     nothing = np.zeros(0)
-    # memory moves with the newest increment by 1 / lead
+    # memory that f reads changes by the newest increment over lead
     return StabilityRegion(limits, nothing, nothing, np.pi, gains=1 / lead)
 
 

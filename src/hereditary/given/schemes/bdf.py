@@ -18,8 +18,8 @@ from ..plan import Plan, WeightRule
 from ..power_series import series_of_power
 from ..uniform_plan import uniform_plan
 
-# From this k on the weights are sums of exponentials to 1e-11: the parasitic roots of delta have
-# died out like 0, 1/3, 0.43, 0.56, 0.71, 0.86 to the power k.
+# Index k from which on weights are sums of exponentials to 1e-11, for orders 1 to 6. The parasitic
+# roots of delta have decayed there: they are powers k of 0, 1/3, 0.43, 0.56, 0.71, 0.86.
 _FIRST_MODAL = (20, 26, 33, 48, 81, 189)
 # Largest order for which an undamped oscillation stays inside the formula's sector of stability:
 # pi / (pi - theta) with theta = 90, 90, 86.03, 73.35, 51.84, 17.84 degrees.
@@ -67,7 +67,7 @@ class BDF(Scheme):
     def __init__(self, order: int = 2) -> None:
         if count("order", order) > 6:
             refuse("order", "lie in 1..6", order, "BDF7 is unstable")
-        # a field called order would hide the method
+        # a field named order would hide the method `order`
         object.__setattr__(self, "formula", int(order))
 
     def __repr__(self) -> str:
@@ -161,9 +161,9 @@ def _modal(p, alpha, rates, weights, k):
     return shares
 
 
-# Steps in which the difference below is computed as it is.
+# Number of first steps whose difference in `drift_defect` is not expanded.
 _N_EARLY = 256
-# Terms of its expansion in later steps, whose error is 1e-12 in sums of 100.
+# Terms of the expansion of this difference in later steps. Its error is 1e-12, in sums of 100.
 _N_LATE = 3
 
 

@@ -138,7 +138,7 @@ class ExplicitCaputo(Scheme):
         speed = h * system.y0[1] if system.m == 2 else 0.0
         starts = [(partial(_start_weights, h=h), np.where(second, speed, 0.0))]
         if any(op.kernel is not None and op.derivative == 0 for op, _ in system.left):
-            # y(0), which no increment contains, for terms that remember y itself
+            # weights of y(0) for terms that act on y itself: no increment contains it
             values = partial(value_weights, h=h, theta=0.0, derivative=0)
             starts.append((values, system.y0[0]))
         return uniform_plan(

@@ -91,12 +91,12 @@ class L1(Scheme):
         theta = 0.5 if system.highest_orders().max() > 1 else 1.0
         if system.varies:
             return varying_plan(system, h, theta, explicit=False)
-        # where a kernel acts on y, that of y'(0) t grows with t, which no decaying modes follow:
-        # there the increments keep h y'(0), and the velocities' differences begin at it
+        # if a kernel acts on y, its convolution with y'(0) t grows with t, which no decaying mode
+        # follows: then increments include h y'(0), and the differences of velocities begin at it
         whole = system.m == 2 and _remembers(system, 0)
         starts: list = [(None, 0.0)]
         for derivative in (0, 1):
-            # increments tell nothing of y(0), and without h y'(0) nothing of y'(0) t
+            # increments do not contain y(0) and, if they exclude h y'(0), not y'(0) t either
             lacking = derivative == 0 or (system.m == 2 and not whole)
             if lacking and _remembers(system, derivative):
                 weights = partial(value_weights, h=h, theta=theta, derivative=derivative)
