@@ -33,7 +33,7 @@ from .sensitivity import has_tangents, sensitivities
 # 1e-4 in the quotients.
 _CHANGE = 1e-4
 # Ratio of singular values below which data do not determine a combination of parameters.
-_UNTOLD = 1e-4
+_UNDETERMINED = 1e-4
 # A parameter has no error if its coefficient in an undetermined combination exceeds this.
 _SHARE = 0.01
 # A residual that is not a number counts as ten times the largest one, or as this multiple of the
@@ -533,14 +533,14 @@ def _covariance(
     free = np.flatnonzero(~at_bound)
     jacobian = found.jac[:, free] * scale[free]
     sizes = np.linalg.norm(jacobian, axis=0)
-    dead = sizes <= _UNTOLD * sizes.max(initial=0.0)
+    dead = sizes <= _UNDETERMINED * sizes.max(initial=0.0)
     sizes[dead] = 1.0
     _, singular, rows = np.linalg.svd(np.where(dead, 0.0, jacobian) / sizes, full_matrices=False)
-    determined = singular > _UNTOLD * singular.max(initial=0.0)
+    determined = singular > _UNDETERMINED * singular.max(initial=0.0)
     shares = np.linalg.norm(rows[~determined], axis=0)
-    untold = shares > _SHARE
-    if names and untold.any():
-        parts = " and ".join(names[k] for k in free[untold])
+    unknown = shares > _SHARE
+    if names and unknown.any():
+        parts = " and ".join(names[k] for k in free[unknown])
         warn(f"data do not tell {parts}: fix one of them, or measure more", IdentifiabilityWarning)
     inverse = np.where(determined, 1 / np.where(determined, singular, 1.0), 0.0)
     half = (rows.T * inverse) * (scale[free] / sizes)[:, None]
@@ -548,7 +548,7 @@ def _covariance(
     if estimated:
         freedom = found.jac.shape[0] - free.size
         spread *= 2 * found.cost / freedom if freedom > 0 else np.nan
-    spread[untold] = spread[:, untold] = np.nan
+    spread[unknown] = spread[:, unknown] = np.nan
     covariance = np.full((scale.size, scale.size), np.nan)
     covariance[np.ix_(free, free)] = spread
     return covariance, singular

@@ -67,7 +67,7 @@ _DORMANT = 1 / 32
 _FIRST_AT_REST = 1 / 16
 # A run stalls after this many consecutive blocks, of 200 steps or more each, that are still and
 # slow. The last block then covers at most twice the time of the first.
-_STRETCHES = 4
+_STALLED_BLOCKS = 4
 # A block is still if the solution changes by less than this fraction of its size.
 _STILL = 1e-2
 # If more than this fraction of the accepted steps is rejected, a block is slow when `max_steps`
@@ -172,8 +172,8 @@ class StepLimits:
         allowed = min(self.last_step - n_steps, _MOST_STEPS)
         needed = left * accepted / advance
         slow = needed > (allowed if refused > _REFUSED * accepted else _MOST_STEPS)
-        self._slow = [*self._slow, advance][-_STRETCHES:] if slow and still.all() else []
-        return len(self._slow) == _STRETCHES and self._slow[-1] <= 2 * self._slow[0]
+        self._slow = [*self._slow, advance][-_STALLED_BLOCKS:] if slow and still.all() else []
+        return len(self._slow) == _STALLED_BLOCKS and self._slow[-1] <= 2 * self._slow[0]
 
 
 _BLOWN_UP = Ending(Status.BLOWN_UP)
@@ -417,8 +417,8 @@ class AdaptiveStepper(ResumableStepper, TangentStepper, JumpingStepper):
             self._set_origin(t_stop)
         at_starts = steps.at_starts[:n, :, :d]  # y of the orbit, then p
         if status in (FULL, TOO_CLOSE):
-            stretch = *before, self.t, counts, t_stop, at_starts, self._still_sizes()
-            if self.step_limits.is_stalled(*stretch):
+            block = *before, self.t, counts, t_stop, at_starts, self._still_sizes()
+            if self.step_limits.is_stalled(*block):
                 status = CRAWLING
         self._peak = np.maximum(self._peak, np.abs(at_starts).max(axis=0, initial=0.0)[::-1])
         if self.n_steps > _ROWS:  # little adds up over fewer

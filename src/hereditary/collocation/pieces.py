@@ -52,13 +52,13 @@ class FirstPiece(Piece):
         with np.errstate(divide="ignore"):
             values = legendre_values(self._x(np.log(t)), self.variable.n).T
         if not derivative:
-            p = self._begun(self.row) + self._change(self.row, values)
+            p = self._first_value(self.row) + self._change(self.row, values)
             p[t == 0.0] = self.p
             if not second.any():
                 return p
             # y is the integral of p: t times the mean of p
             row = self.row @ means_at_nodes(self.variable).T
-            means = self._begun(row) + self._change(row, values)
+            means = self._first_value(row) + self._change(row, values)
             return np.where(second, self.y + self.length * t[:, None] * means, p)
         slopes = self._slopes(np.maximum(t, _NEXT_TO_0))
         if (t == 0.0).any():
@@ -67,11 +67,11 @@ class FirstPiece(Piece):
             rounded = _ROUNDED * np.abs(self.row).max(axis=1) / self.length
             steep = np.abs(before) > _GROWS * np.abs(after) + rounded
             slopes[t == 0.0] = np.where(steep, np.copysign(np.inf, before), line)
-        speeds = self._begun(self.row) + self._change(self.row, values)
+        speeds = self._first_value(self.row) + self._change(self.row, values)
         speeds[t == 0.0] = self.p
         return np.where(second, speeds, slopes)
 
-    def _begun(self, row):
+    def _first_value(self, row):
         """Return p at the start of a row (d, n), or next to the start if p jumps there, (d,)."""
         limit = row @ _at_start(self.variable.n)
         moved = np.abs(limit - self.p) > 0.5 * np.abs(row - self.p[:, None]).max(axis=1)
@@ -86,7 +86,7 @@ class FirstPiece(Piece):
             y = np.where(second, self.y + self.length * mean, p)
         if slopes and not np.all(second):
             weights = _end_weights(n)[1] * (self.variable.slopes(np.ones(1)) / self.length)
-            steep = (self.row - self._begun(self.row)[:, None]) @ weights
+            steep = (self.row - self._first_value(self.row)[:, None]) @ weights
         return y[None][chosen], np.where(second, p, steep)[None][chosen]
 
     def _x(self, logs):
@@ -96,7 +96,7 @@ class FirstPiece(Piece):
     def _change(self, row, polynomials):
         """Return p minus its start, (k, d), from a row (d, n) and polynomials (k, n + 1)."""
         weights = (polynomials @ through_start(self.variable.n))[:, 1:]
-        return weights @ (row - self._begun(row)[:, None]).T
+        return weights @ (row - self._first_value(row)[:, None]).T
 
     def _slopes(self, t):
         """Return the slopes of p at times t above 0, in units of 1 / length of the step, (k, d)."""

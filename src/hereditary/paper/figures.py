@@ -162,14 +162,14 @@ def _spectra(
         )  # fmt: skip
         plots.lyapunov_spectrum(table, "long_exponent", ax=below, name=f"mean, 0 to {long:g}")
         above.set(title=f"T = {t_end:g}, {title}", xlabel="")
-        lines += _told(table, list(runs), title)
+        lines += _signs_of_runs(table, list(runs), title)
         suffix = "" if len(panels) == 1 else "_" + title.replace(" ", "").replace("=", "_")
         job.save_table(name + suffix, table)
     job.save_figure(name, figure)
     return lines
 
 
-def _told(table: Table, parts: list[str], title: str) -> list[str]:
+def _signs_of_runs(table: Table, parts: list[str], title: str) -> list[str]:
     """Return in words the signs of exponents in each run, and where growth is certain."""
     summary = [
         f"{title}, {part}: {signs(zip(*_pair(table, f'{part}_exponent'), strict=True))}"

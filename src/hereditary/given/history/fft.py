@@ -56,8 +56,8 @@ class _Pending(OpenHistory):
     def __init__(self, convolution, n_columns, n_block):
         self._convolution = convolution
         self._n_block = n_block
-        self._stretch = _BLOCKS * n_block
-        tables, arrays = Tables(length=self._stretch), held(n_columns, starts=convolution.n_starts)
+        self._batch = _BLOCKS * n_block
+        tables, arrays = Tables(length=self._batch), held(n_columns, starts=convolution.n_starts)
         super().__init__(exchange_pending, tables, arrays, *convolution.exact(n_block + 2))
 
     def prepare(self, n_end):
@@ -66,8 +66,8 @@ class _Pending(OpenHistory):
         grown = [_grown(getattr(self.arrays, name), capacity) for name in ("pieces", "pending")]
         self.arrays = self.arrays._replace(pieces=grown[0], pending=grown[1])
         # the largest square that ends before step n_end needs weights of twice its length
-        blocks = (n_end - 1) // self._stretch
-        square = self._stretch << (blocks.bit_length() - 1) if blocks else 0
+        blocks = (n_end - 1) // self._batch
+        square = self._batch << (blocks.bit_length() - 1) if blocks else 0
         self._tabulate(max(capacity + self._n_block, 2 * square) + 1)
 
     def _tabulate(self, n):
@@ -77,13 +77,13 @@ class _Pending(OpenHistory):
 
     def reach(self, n, pieces, groups):
         """Add the pieces of a finished square to later steps; return the end of the next batch."""
-        if n > 0 and n % self._stretch == 0:
+        if n > 0 and n % self._batch == 0:
             self._act(n, pieces, groups)
-        return (n // self._stretch + 1) * self._stretch
+        return (n // self._batch + 1) * self._batch
 
     def _act(self, n, pieces, groups):
-        j = n // self._stretch
-        length = self._stretch * (j & -j)
+        j = n // self._batch
+        length = self._batch * (j & -j)
         stored, pending = self.arrays.pieces, _grown(self.arrays.pending, n + length)
         self.arrays = self.arrays._replace(pending=pending)
         stored[:, n - self._n_block : n] = pieces[:, : self._n_block]
