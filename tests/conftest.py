@@ -16,6 +16,9 @@ _PARTS = os.getuid(), version("numba"), version("numpy"), os.getenv("HEREDITARY_
 _FOLDER = "-".join(map(str, ("hereditary-cache", *_PARTS)))
 os.environ["NUMBA_CACHE_DIR"] = str(Path(tempfile.gettempdir()) / _FOLDER)
 os.environ.setdefault("MPLBACKEND", "Agg")
+# Each core has a process of tests. Threads of BLAS beside these make linear algebra four times as
+# slow.
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 hypothesis.settings.register_profile("ci", derandomize=True, deadline=None, max_examples=40)
 hypothesis.settings.register_profile("dev", deadline=None, max_examples=25)

@@ -42,6 +42,15 @@ COMPILED = {
 KINDS = FEW if config.DISABLE_JIT else FEW | COMPILED
 
 
+@pytest.fixture(autouse=True)
+def _frozen():
+    """Let collections pass over the objects of earlier tests, which are millions in a whole run."""
+    gc.collect()
+    gc.freeze()
+    yield
+    gc.unfreeze()
+
+
 def allocated():
     """Number of allocations of compiled code that it has not released."""
     _nrt_python.memsys_enable_stats()
