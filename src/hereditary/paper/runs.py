@@ -30,6 +30,9 @@ WELL = 2 * math.pi
 # At T = 100 another tangent changes some of the signs. Figures compare several steps and horizons,
 # so no run is repeated for verification.
 ALONE: dict[str, Any] = {"directions": [[1.0], [0.0]], "verify": False}
+# Largest slope of the force at a barrier over the weight of the scheme. Below 1 an implicit step
+# has one solution. With 0.9 Newton's method fails in a tenth of the runs with beta from 1.1 to 1.4.
+_GENTLE = 0.5
 # Most steps between two renormalisations in runs whose exponents are read at several horizons.
 _INTERVAL = 200
 # Fraction of a record, its end, from which slopes are computed; as in `lyapunov`.
@@ -150,7 +153,7 @@ def _solvable(
     ``(3 / 2 / h)**beta``. Orders of inertia near 1 need short steps.
     """
     steepest = adhesion * sum(n * a for n, a in enumerate(PRINTED_WELL, 1))
-    while (4 / 3 * t_end / n_steps) ** beta * steepest > 0.9:
+    while (4 / 3 * t_end / n_steps) ** beta * steepest > _GENTLE:
         n_steps *= 2
     return n_steps
 
