@@ -38,11 +38,16 @@ def test_solver_loops_compile_once_per_machine_whatever_the_function(package, tm
     assert python(SOLVE, tmp_path, package.parent) == "1 1 1"
 
 
+def copied_package(folder):
+    """Return a copy of the package in a folder, without machine code."""
+    ignored = shutil.ignore_patterns("__pycache__", SHIPPED.name)
+    return Path(shutil.copytree(SOURCE, folder / "copied" / "hereditary", ignore=ignored))
+
+
 @pytest.fixture
 def package(tmp_path):
-    """A copy of the package that may be edited, in a folder of its own, without machine code."""
-    ignored = shutil.ignore_patterns("__pycache__", SHIPPED.name)
-    return Path(shutil.copytree(SOURCE, tmp_path / "copied" / "hereditary", ignore=ignored))
+    """A copy of the package that may be edited."""
+    return copied_package(tmp_path)
 
 
 TINY = """
@@ -238,14 +243,22 @@ cache.note_target(cache.SHIPPED)
 """
 
 
-@pytest.fixture
-def carried(package, tmp_path):
+@pytest.fixture(scope="module")
+def carrying(tmp_path_factory):
     """A copy of the package that carries the machine code of `tiny`."""
+    folder = tmp_path_factory.mktemp("carrying")
+    package = copied_package(folder)
     (package / "tiny.py").write_text(TINY.replace("@entry(F8)", "@entry(F8, announced='it')"))
     (package / "compiled" / "limit.py").write_text("LIMIT = 1.0")
-    assert python(CALL.format(""), tmp_path / "made", package.parent) == "7.0 0 1 4.0 0 1"
-    python(MOVED, tmp_path / "made", package.parent)
+    assert python(CALL.format(""), folder / "made", package.parent) == "7.0 0 1 4.0 0 1"
+    python(MOVED, folder / "made", package.parent)
     return package
+
+
+@pytest.fixture
+def carried(carrying, tmp_path):
+    """Another copy of it, which a test may damage."""
+    return shutil.copytree(carrying, tmp_path / "carried" / carrying.name)
 
 
 def run_tiny(package, cache, **more):
