@@ -1,1 +1,1 @@
-"""Given steps, uniform or along a mesh: schemes, histories, and the march that joins them."""
+"""Solvers on steps given in advance, uniform or on a mesh: schemes, histories, and the march."""

@@ -8,8 +8,8 @@ from .signatures import MARCH_MEMORY
 
 # Ratio of two consecutive steps from which on no parabola through them determines the slope.
 _STEEP = 8.0
-# Statuses of a march.
-RUNNING = 0  # no trouble so far
+# Statuses that a march returns.
+RUNNING = 0  # the march can go on
 BLOWN_UP = 1  # the solution is not bounded
 NOT_SOLVED = 2  # the equations of a step could not be solved
 
@@ -20,7 +20,7 @@ def open_block(lag, pieces, n, groups, weights, memory):
     newest = pieces.shape[1] - 1
     for c in range(lag.shape[0]):
         w = weights[groups[c]]
-        lag[c, 0] = 0.0  # the nearest weight is the scheme's own
+        lag[c, 0] = 0.0  # the step itself weighs its newest piece, by `near`
         for i in range(1, lag.shape[1]):
             lag[c, i] = w[i + 1] * pieces[c, newest]
     memory.exchange(lag, pieces, n, groups, memory.tables, memory.arrays)
@@ -38,9 +38,12 @@ def keep_jacobian(m, t, k):
 
 @inner
 def begin_start(m, v, values, first):
-    """Store start value v of each column, and add it to the first block from step `first` on."""
-    # values (W,), weights (V C, B + 2), or (V C, 0) where the history takes them by itself
-    # lag (W, B), start (W, V length): memory of start values
+    """Store start value number v of each column, and add its weighted value to the first block.
+
+    The lag of the block changes from step `first` on.
+    """
+    # values (W,), lag (W, B), start (W, V length): the history's memory of V start values
+    # weights (V C, B + 2), or (V C, 0) if start values have no weights in a block
     groups, weights = m.table.groups, m.table.start_weights
     lag, start, n_starts = m.state.lag, m.memory.arrays.starts, max(1, m.state.starts.shape[1])
     length, n_groups = start.shape[1] // n_starts, weights.shape[0] // n_starts
@@ -53,7 +56,7 @@ def begin_start(m, v, values, first):
 
 @inner
 def begin_others(m):
-    """Store all start values but the first one of each column."""
+    """Store all start values of each column except the first, and add them to the first block."""
     starts, values = m.state.starts, m.room.known
     for v in range(1, starts.shape[1]):
         for c in range(values.shape[0]):
@@ -86,7 +89,7 @@ def bounded(x):
 
 @entry(MAT, MAT, I8, IVEC, MAT, MARCH_MEMORY)
 def open_lag(lag, pieces, n, groups, weights, memory):
-    """Set the lag (W, B) of the block from step n on, and move the newest piece to its front."""
+    """Call `open_block`, compiled as an entry for Python."""
     open_block(lag, pieces, n, groups, weights, memory)
 
 

@@ -1,9 +1,9 @@
-"""The solution inside the first two given steps of a run.
+"""The solution inside the first two steps of a march that starts at 0.
 
-There a component is ``x(0) + t x'(0) + a t**alpha`` with its highest order alpha and a from the
-equation at 0. Powers that interpolate the values of the scheme are added. These are t**r in the
-first step, and t**r and t**(r+1) in the second. Here r = min(1, 2 alpha) below order 1 and r = 2
-from order 1 on.
+There a component is ``x(0) + t x'(0) + a t**alpha`` plus powers of t that fit the scheme's values
+at the ends of the steps. The highest order of the component is alpha; a follows from the equation
+at 0. The powers are t**r in the first step, and t**r and t**(r+1) in the second. Here r is
+min(1, 2 alpha) for alpha below 1, and 2 for alpha from 1 on.
 """
 
 from contextlib import suppress
@@ -19,7 +19,10 @@ _STEEP = 1e12
 
 
 def starting_steps(stepper):
-    """Return `FirstSteps` of a stepper that made at most one step; otherwise None."""
+    """Return the `FirstSteps` of a stepper that made at most one step; otherwise None.
+
+    None also if orders vary, or if a term is of Riemann-Liouville type.
+    """
     system = stepper.system
     # Riemann-Liouville terms start with lower powers of t, which the interpolation below lacks
     if stepper.n > 1 or not system.constant or any(op.from_zero for op, _ in system.left):
@@ -28,12 +31,12 @@ def starting_steps(stepper):
 
 
 class FirstSteps:
-    """Rows inside the first two steps of a march that begins at 0.
+    """The solution inside the first two steps of a march that starts at 0.
 
     Parameters
     ----------
     system : System
-        With constant orders alone.
+        A system whose orders are constant.
     ends : array_like, shape (2,)
         Times at which the two steps end.
     """
@@ -43,7 +46,7 @@ class FirstSteps:
         self.ends, self._values = np.asarray(ends, dtype=float), np.zeros((2, system.n_solved))
 
     def __getstate__(self):
-        """Leave out the system, whose compiled functions another process does not have."""
+        """Return the state for pickling, without the system, whose functions cannot be pickled."""
         self._powers  # noqa: B018
         return vars(self) | {"_system": None}
 
@@ -59,7 +62,7 @@ class FirstSteps:
         self._values[n - 1] = y
 
     def inside(self, n, times):
-        """Return the solution and slope at times inside step n, shapes (k, d)."""
+        """Return the solution and its slope, (k, d) each, at k times inside step n, 1 or 2."""
         t, ends = times[:, None], self.ends[:n, None]
         unit = ends[-1]
         missed = (self._values[:n] - self._known(ends)[0]).T  # (d, n)
@@ -74,13 +77,16 @@ class FirstSteps:
         return y, slope
 
     def near(self, n, t, derivative):
-        """Return y or y' inside step n, 1 or 2; powers below 1 are infinitely steep at 0."""
+        """Return y or, if `derivative`, y' at times t (k,) inside step n, which is 1 or 2.
+
+        y' is infinite at t = 0 where the solution has powers below 1.
+        """
         y, slope = self.inside(n, np.maximum(t, _NEXT_TO_0))
         steep = (t[:, None] == 0.0) & (np.abs(slope) > _STEEP)
         return np.where(steep, np.copysign(np.inf, slope), slope) if derivative else y
 
     def _known(self, t):
-        """Return x(0) + t x'(0) + a t**alpha, and its slope."""
+        """Return ``x(0) + t x'(0) + a t**alpha``, and its slope, at times t (k, 1)."""
         y0, (alpha, lead, _) = self._start, self._powers
         speed = y0[1] if y0.shape[0] == 2 else 0.0
         y = y0[0] + t * speed + lead * t**alpha
@@ -90,7 +96,7 @@ class FirstSteps:
 def _leading(system):
     """Return the factor a of ``t**alpha``, (n_solved,), or 0 if f has no value at 0."""
     f, alpha = np.full(system.d, np.nan), system.highest_orders()
-    with suppress(Exception):  # the march meets it again, or never asks for it there
+    with suppress(Exception):  # if the march needs f at 0, the march reports the exception
         f = system.force(0.0, system.at_start)
     if system.m == 2:
         f -= np.where(alpha > 1, system.coefficient(1.0), 0.0) * system.y0[1]

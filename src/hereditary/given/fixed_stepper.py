@@ -1,4 +1,4 @@
-"""The stepper of given steps: one march, advanced by a batch of steps at a time."""
+"""The stepper for steps given in advance: each call advances one march by many steps."""
 
 import time
 from dataclasses import replace
@@ -44,10 +44,11 @@ from .signatures import (
 )
 from .steps import before_break, break_steps, rows_beside
 
-# Steps in a block. Measured with 56 modes: 74, 75 and 85 ns a step at 16, 32 and 64, where the
-# in-block sums take over; below 16 the calls of the history do.
+# Steps in a block. With 56 modes a step took 74, 75 and 85 ns in blocks of 16, 32 and 64 steps. In
+# blocks of 64 steps the sums inside the block dominate, in blocks below 16 the calls of the
+# history.
 BLOCK = 32
-# Relative rounding of y.
+# Rounding error of y, relative to y.
 _ROUNDED = 1e-13
 # Seconds that one call of the compiled march takes. Between calls Ctrl-C is checked and the
 # progress bar drawn. Entering the march takes 0.04 ms.
@@ -75,10 +76,10 @@ class FixedStepper(ResumableStepper, TangentStepper, JumpingStepper):
     n_steps : int
         Number of steps of the whole run, for which histories prepare.
     directions : ndarray, shape (n_data, k), optional
-        Derivatives of the initial data along k directions: those of y(0), and behind them those of
-        y'(0) for each component of order above 1.
+        Derivatives of the initial data along k directions. Rows for y(0) come first, then a row for
+        y'(0) of each component of order above 1.
     block : int
-        Steps in a block; results depend on it by rounding alone.
+        Steps in a block; it changes results by rounding errors only.
     """
 
     def __init__(self, system, scheme, history, steps, n_steps, directions=None, block=BLOCK):
@@ -103,7 +104,7 @@ class FixedStepper(ResumableStepper, TangentStepper, JumpingStepper):
         self._begin(plan)
         self._misfit = misfit_on_given_steps(self.memory.kernel_errors, history)
         self._status, self._jumped = RUNNING, False
-        self._seconds, self._most = 0.0, _NUMBERS  # that a step takes; steps at once at the most
+        self._seconds, self._most = 0.0, _NUMBERS  # seconds a step takes; most steps in one call
         self._error = None
         self._breaks: frozenset[int] = frozenset()
 
@@ -112,7 +113,7 @@ class FixedStepper(ResumableStepper, TangentStepper, JumpingStepper):
         return self.scheme.reduction(system) or system
 
     def _planned(self, system):
-        """Return the scheme's plan for a system, with initial values of Riemann-Liouville terms."""
+        """Return the scheme's plan for a system, with y(0) in its Riemann-Liouville terms."""
         order = self.scheme.order(float(self.system.highest_orders().max()))
         return with_initial_values(self.steps.plan(self.scheme, system), system, order)
 
@@ -212,7 +213,7 @@ class FixedStepper(ResumableStepper, TangentStepper, JumpingStepper):
             began = time.perf_counter()
             try:
                 system.force(0.0, system.at_start)
-            except Exception:  # the march meets it again, at its own time
+            except Exception:  # the march calls f again, and reports the exception
                 return 1
             self._seconds = max(time.perf_counter() - began, 1e-9)
         most = min(max(_NUMBERS // system.d, _LEAST), self._most)
@@ -233,7 +234,7 @@ class FixedStepper(ResumableStepper, TangentStepper, JumpingStepper):
                 return
 
     def _enter(self, n_end, rows, slopes):
-        """Enter the compiled march once; watch the stability along the orbit."""
+        """Call the compiled march once, and check stability by Jacobians along the orbit."""
         memory, start = self.memory, self.system.frame.start
         if self.n in self._breaks:
             self._forget_explicit()
@@ -255,19 +256,19 @@ class FixedStepper(ResumableStepper, TangentStepper, JumpingStepper):
 
     @property
     def n(self):
-        """Steps made."""
-        return int(self._march.counts["step"])  # an attribute takes ten times as long
+        """Number of steps made."""
+        return int(self._march.counts["step"])  # counts.step would take ten times as long
 
-    position = n  # how far the march is
+    position = n  # the position that the contract `Stepper` asks for
 
     @property
     def t(self):
-        """Time reached."""
+        """Time that the march has reached, counted from 0 [time]."""
         return self.steps.time(self.n)
 
     @property
     def y(self):
-        """Solution at `t`, shape (d,); a copy."""
+        """Solution at `t`, (d,), in the components that have an equation; a copy."""
         return self._march.x[: self.system.n_solved].copy()
 
     @property
@@ -279,12 +280,12 @@ class FixedStepper(ResumableStepper, TangentStepper, JumpingStepper):
         return slope if known else np.where(self.system.second, slope, np.nan)
 
     def _slopes(self):
-        """First derivative of all columns."""
+        """Return the first derivatives of all columns, those of orbit and tangents."""
         return (self._march.increment + 0.5 * self._march.change) / self.steps.unit(self.n)
 
     @property
     def trouble(self):
-        """Why the march cannot go on, else None."""
+        """Why the march cannot go on, as an `Ending`; None if it can."""
         if self._error is not None:
             return failed(self._error)
         statuses = {BLOWN_UP: Status.BLOWN_UP, NOT_SOLVED: Status.NOT_SOLVED}
@@ -318,11 +319,11 @@ class FixedStepper(ResumableStepper, TangentStepper, JumpingStepper):
 
     @property
     def live_params(self):
-        """Parameters of the right-hand side, which the next steps read."""
+        """Array of the right-hand side's parameters; a change acts on the next steps."""
         return self._marched.compiled_params
 
     def stats(self):
-        """Counts and errors for the solution's stats."""
+        """Return counts and errors for the `stats` of the solution."""
         return {
             "n_steps": self.n,
             "n_rhs": int(self._march.counts["rhs"]),
@@ -358,7 +359,7 @@ class FixedStepper(ResumableStepper, TangentStepper, JumpingStepper):
             solver(FACTORISE, 0, self._march.newton[1], room, by_reference(tables, LINEAR))
 
     def stop_at(self, t):
-        """Return the first step not before t, and its time."""
+        """Return the first step n with t_n >= t, and t_n, as a `Stop`."""
         step = self.steps.first_from(t)
         return Stop(step, self.steps.time(step))
 
@@ -382,12 +383,12 @@ class FixedStepper(ResumableStepper, TangentStepper, JumpingStepper):
 
     @property
     def n_data(self):
-        """Number of initial data: d, and one more for each component of order above 1."""
+        """Number of initial data: d values of y, and one of y' for each order above 1."""
         return self.system.n_solved + self._with_speed.size
 
     @property
     def tangent(self):
-        """Derivatives of y, and of ydot where the order is above 1, shape (n_data, k); a copy."""
+        """The k tangents, shape (n_data, k): derivatives of y, then of y' for orders above 1."""
         d = self._marched.d
         values, slopes = (
             columns[d:].reshape(self.n_tangents, d).T for columns in (self._march.x, self._slopes())
@@ -439,11 +440,14 @@ class FixedStepper(ResumableStepper, TangentStepper, JumpingStepper):
 
     @property
     def uncertainty(self):
-        """Rounding errors of y, (d,)."""
+        """Estimated rounding errors of y, (d,)."""
         return _ROUNDED * np.abs(self.y)
 
     def expect_jumps(self, of_y):
-        """Prepare for jumps of f, and of y if `of_y`: make few steps at once, or refuse."""
+        """Prepare for jumps of f, and of y if `of_y`: make fewer steps in each call.
+
+        Jumps of y are refused if a kernel or a Riemann-Liouville term acts on y itself.
+        """
         self._most = _SHORT
         terms = [operator for operator, _ in self.system.left]
         acting = [op for op in terms if op.derivative == 0 or op.from_zero]
@@ -472,7 +476,7 @@ class FixedStepper(ResumableStepper, TangentStepper, JumpingStepper):
             force = system.force(self.t, march.x[:n])
         except Exception:
             return
-        own = table.sources[:n] == np.arange(n)  # memory that f reads has increments for pieces
+        own = table.sources[:n] == np.arange(n)  # False for memory that f reads: no pieces of f
         p, first_order = newest % march.lag.shape[1], own & (system.highest_orders()[:n] == 1)
         jump = np.where(first_order, force - march.pieces[:n, p + 1], 0.0)
         march.pieces[:n, p + 1] += jump
@@ -486,7 +490,7 @@ class FixedStepper(ResumableStepper, TangentStepper, JumpingStepper):
             self._march.force[:] = np.nan
 
     def set_parameter(self, number, value):
-        """Set a parameter of the right-hand side, which jumps."""
+        """Set parameter `number` of the right-hand side to `value`; f may jump."""
         self._marched.compiled_params[number] = value
 
 

@@ -68,7 +68,7 @@ def triangle(columns, inverse):
 
 @inner
 def read_tangents(state, table, above, columns):
-    """Set Phi (n_data, k): values, and slopes of the components `above`."""
+    """Set `columns` (n_data, k) to Phi: values of tangents, slopes of components `above`."""
     d = columns.shape[0] - above.shape[0]
     for j in range(columns.shape[1]):
         first = (1 + j) * table.n_orbit

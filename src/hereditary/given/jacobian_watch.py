@@ -1,4 +1,4 @@
-"""Watch of the stability of steps, by Jacobians along the orbit."""
+"""Watch of the stability of a march by Jacobians along the orbit, and remedies for instability."""
 
 import numpy as np
 
@@ -16,7 +16,7 @@ _LEAST = 1e-6
 
 
 class JacobianWatch:
-    """Jacobians at regular steps of a march.
+    """Jacobians of f at regular steps of a march, and their eigenvalues relative to the limits.
 
     Parameters
     ----------
@@ -29,7 +29,7 @@ class JacobianWatch:
     Attributes
     ----------
     every : int
-        Steps between two Jacobians; 0 for none.
+        Steps between two Jacobians; 0 for no Jacobians.
     largest : float
         Largest ratio of an eigenvalue to its limit, of all Jacobians so far.
     step : int
@@ -70,12 +70,12 @@ class JacobianWatch:
             self.step = int((self._first + np.argmax(ratios)) * self.every)
 
     def _before(self, n):
-        """Return the number of Jacobians of steps before n."""
+        """Return the number of Jacobians that are computed in steps 0 to n - 1."""
         return (n - 1) // self.every + 1
 
 
 def remedy_of(system, scheme, h, watch, zigzag, growth):
-    """Return a clause: what shows that steps h are unstable, and what to take instead.
+    """Return a clause of a message: how steps h showed their instability, and what to use instead.
 
     `zigzag` is the step at which an alternation from step to step was sustained. At step `growth`
     the changes had grown from turn to turn. Each is below 0 if this did not happen.

@@ -39,7 +39,7 @@ class NewtonSetup(NamedTuple):
 
 
 def newton_of(structure, d, tangents, solve, exact):
-    """Return `NewtonSetup` for d components of an orbit, with tangents or without.
+    """Return the `NewtonSetup` for d components of an orbit, with tangents or without.
 
     `solve` is that of the scheme. `exact` says whether one iteration suffices. Newton's method
     solves systems of few components without the solver, which then serves their tangents alone.

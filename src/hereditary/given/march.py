@@ -1,9 +1,9 @@
-"""The march on given steps: one source, compiled apart for each way of solving a step.
+"""The march on given steps: one source, compiled once for each way of solving a step.
 
 Here ``x_(n+1) = x_n + shift + w_n``, with shift = x'(0) times the step's length where the pieces
 leave it out. Every step is opened, which computes its known part. It is then solved for w_n,
 
-    scale w_n + near p_(n-1) + lag_n + lead forcing = lead f(t, x_n + theta (shift + w_n)),
+    scale w_n + near p_(n-1) + lag_n + lead forcing = lead f(t, x_n + theta (shift + w_n))
 
 and closed: the piece p_n, which is w_n or the value of f, is added to the lags of later steps of
 its block. The history adds pieces older than a block. The explicit step, theta = 0 and scale = 1,
@@ -51,7 +51,7 @@ from .step import (
 )
 from .watch import watch_turn
 
-# What is announced where a march is compiled.
+# Text that is shown while a march is compiled, for each way of solving a step.
 _ANNOUNCED = {
     "explicit": "the march of explicit schemes",
     "newton": "the march of implicit schemes",
@@ -61,7 +61,10 @@ _ANNOUNCED = {
 
 
 def marching(name, way):
-    """Compile the march for one way of solving a step: "explicit", "newton", "imex" or "sweeps"."""
+    """Return the march, compiled for one way of solving a step (the keys of `MARCHES`).
+
+    `name` becomes the function's name.
+    """
     explicit, newton, imex = (way == name for name in ("explicit", "newton", "imex"))
 
     def march(march, end):
@@ -73,18 +76,18 @@ def marching(name, way):
         theta, unit, ratio, width = rows.theta, rows.unit, rows.ratio, x.shape[0]
         orbit, point, starting = x[: table.n_orbit], room.point, table.start_weights.shape[1] > 0
         first_sample = (m.output.first + every - 1) // every if every > 0 else 0
-        by_rows = memory.tables.room.shape[1] > 0  # a call for each step would take 45 ns
+        by_rows = memory.tables.room.shape[1] > 0  # inline, as a history's call would take 45 ns
         known_terms = table.powers.shape[0] > 0
         while counts.step < end:
             n = counts.step
             p, i = n % lag.shape[1], min(n - rows.first, rows.last)
             t = (n + theta[i]) * h if h > 0.0 else rows.times[i] + theta[i] * unit[i]
-            if p == 0 and counts.opened != n:  # the right-hand side may have raised since
+            if p == 0 and counts.opened != n:  # open only once, even if f raised after opening
                 if by_rows:
                     read_rows(lag, pieces, n, groups, memory.tables, memory.arrays)
                 else:
                     open_block(lag, pieces, n, groups, weights, memory)
-                if n == 0 and integral == 0:  # the first start value waits for the step; p = 0
+                if n == 0 and integral == 0:  # step 0 itself gives the first start value
                     begin_others(m)
                 elif n == 0 and not explicit:
                     evaluate(march, 0.0, x, state.force)
@@ -92,7 +95,7 @@ def marching(name, way):
                 counts.opened = n
             if every > 0 and n % every == 0:
                 keep_jacobian(m, n * h, n // every - first_sample)
-            if i != row:  # uniform steps share one
+            if i != row:  # uniform steps share one row of coefficients
                 take_row(m, i)
                 row = i
             know(m, p)
@@ -127,7 +130,7 @@ def marching(name, way):
                 settle(m)
             close(m, n, p, ratio[i], explicit)
             for c in range(table.n_solved if slowest > 0.0 else 0):
-                if (u[c] - d[c]) * u[c] < 0.0:  # a turn of the increments
+                if (u[c] - d[c]) * u[c] < 0.0:  # a turn: the increment changed its sign
                     watch_turn(state.monitor[c], d[c], u[c], x[c], slowest, counts)
             if n == 0 and integral == 0 and starting:
                 first_value(m, explicit)
@@ -144,6 +147,7 @@ def marching(name, way):
     return entry(GIVEN_MARCH, I8, announced=_ANNOUNCED[way], allocates=False)(march)
 
 
+# Compiled marches by the way in which they solve a step (`Scheme.solve`).
 MARCHES = {
     "explicit": marching("march_explicit", "explicit"),
     "newton": marching("march_newton", "newton"),

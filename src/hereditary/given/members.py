@@ -11,13 +11,17 @@ from .fixed_stepper import FixedStepper
 
 
 class MemberStepper(FixedStepper):
-    """A march of any member of an ensemble; no tangents.
+    """A march that `begin` sets to the start of any member of an ensemble; it has no tangents.
+
+    E is the number of members, p that of parameters, d that of components; m is 2 if initial
+    derivatives exist, otherwise 1.
 
     Parameters
     ----------
     system, scheme, history, steps, n_steps
         As of `FixedStepper`.
     params : ndarray, shape (E, p)
+        Parameters of each member.
     y0 : ndarray, shape (E, m, d)
         Initial values of each member.
     plan : Plan, optional
@@ -33,7 +37,7 @@ class MemberStepper(FixedStepper):
         super().__init__(system, scheme, history, steps, n_steps)
         self._params, self._y0, self.plan = params, y0, plan
         if plan is None and self._block > 1:
-            with suppress(Exception):  # of a right-hand side, for some member
+            with suppress(Exception):  # the right-hand side of a member may raise
                 self.plan = self._plan_of_all()
 
     def _plan_of_all(self):
@@ -43,7 +47,7 @@ class MemberStepper(FixedStepper):
         return self._planned(side_by_side(systems))
 
     def begin(self, m):
-        """Go to the start of member m."""
+        """Set the march to the start of member m."""
         self.system = displaced(self.system, self._y0[m], self._params[m])
         self._marched = self._inside(self.system)
         if self.plan is None:
@@ -51,7 +55,7 @@ class MemberStepper(FixedStepper):
         else:
             d = self._marched.d
             plan, columns = self.plan, slice(m * d, (m + 1) * d)
-        if self._block == 1:  # whose sums may be worked out on the way
+        if self._block == 1:  # blocks of one step have weights that the march may still compute
             self._begin(plan)
         self._stand_at_start(plan, columns)
         self._watch.largest = 0.0

@@ -42,7 +42,7 @@ _MOST_GROWN = 1e6
 # Allowed error of the increment, as a fraction of the increment. A step is solved when the
 # estimated error is below the sum of _TOLERANCE, _ROUNDING and _UNDERFLOW in their units.
 _TOLERANCE = 1e-13
-# Allowed error by rounding of the solution, as a fraction of the solution.
+# Allowed error of the increment by rounding of the solution, relative to the solution.
 _ROUNDING = 2e-16
 # Allowed error near the smallest floats, in units of y.
 _UNDERFLOW = 1e-300
@@ -106,7 +106,7 @@ def solve_step(march, t):
             size = max(size, abs(change[c]))
             largest = max(largest, abs(w[c]) + abs(shift[c]))
             reference = max(reference, abs(base[c]))
-        # a contraction by `rate` leaves an error of rate / (1 - rate) times the last change
+        # if corrections shrink by `rate`, the error is rate / (1 - rate) times the last correction
         rate = size / previous if previous < np.inf else 1.0
         if counts.at_once == 1:
             rate = 0.0
@@ -114,7 +114,7 @@ def solve_step(march, t):
         residual = 0.0
         small = size <= _SMALL * (largest + reference)
         if small and previous < np.inf and rate > _STALLED and not stalled:
-            stalled, previous = True, size  # perhaps by rounding
+            stalled, previous = True, size  # rounding may be the reason: check the residual next
             continue
         error = size * rate / (1.0 - rate) if rate < 1.0 else size
         allowed = _TOLERANCE * largest + _ROUNDING * reference + _UNDERFLOW
@@ -123,7 +123,7 @@ def solve_step(march, t):
             if m.linear.exact == 1 and rate <= _AT_ONCE and grown < _MOST_GROWN:
                 counts.at_once = 1
             if few and not fresh and iteration > 1:
-                counts.kept = 0  # one that takes a third call has become old
+                counts.kept = 0  # a Jacobian that needs a third iteration has become too old
             return w.shape[0] == n or march.solve_tangents(m, t)
         wrong = not size < np.inf or (rate >= 1.0 and previous < np.inf)
         if wrong and fresh and not size < np.inf:
@@ -153,8 +153,9 @@ def is_finite(f, d):
 def step_back(m, t):
     """Halve the last change of w until f is finite; return whether f is finite.
 
-    If it never is, the change is replaced by that of functional iteration. Next to an edge where
-    the slope of f is infinite Newton's method may point out of the domain.
+    If f never becomes finite, the correction of functional iteration replaces Newton's, and is
+    halved in the same way. Newton's method may leave the domain of f near an edge where the slope
+    of f is infinite.
     """
     user, room, n, d = m.right.user, m.room, m.table.n_orbit, m.table.n_solved
     w, change, lead, known, scale = room.w, room.moved, room.lead, room.known, room.scale
@@ -197,7 +198,7 @@ def set_matrix(m, out):
 
 @inner
 def set_factors(m, number):
-    """Factorise Newton's matrix of this number; False if it is singular."""
+    """Factorise Newton's matrix (number 0) or the tangents' (1); return False if it is singular."""
     matrix = m.state.newton[1 + number]
     set_matrix(m, matrix)
     m.state.counts.factorised += 1
@@ -206,11 +207,11 @@ def set_factors(m, number):
 
 @inner(allocates=True)
 def within_rounding(m, residual):
-    """Return whether the residuals (n,) are rounding errors of their summands."""
+    """Return whether all residuals (n,) are as small as rounding errors of their summands."""
     room, n = m.room, m.table.n_orbit
     lead, f, known, scale, w = room.lead, room.f, room.known, room.scale, room.w
     sizes = np.empty(n)
-    magnitudes(m.state.newton[0], room.point[:n], sizes)  # of the summands of f
+    magnitudes(m.state.newton[0], room.point[:n], sizes)  # sizes of the summands of f
     for i in range(m.table.n_solved):
         size = abs(lead[i]) * (sizes[i] + abs(f[i])) + abs(known[i]) + abs(scale[i] * w[i])
         if not abs(residual[i]) <= _RESIDUAL * size:
@@ -274,7 +275,7 @@ _ASIDE = 1e-9
 
 @inner
 def solve_linearly(m, t, i):
-    """Solve ``scale w + known = lead (A (base + gain w) + g)`` for w.
+    """Solve ``scale w + known = lead (A (base + gain w) + g)`` for w; return False if singular.
 
     ``g = f + theta ratio (f - f_before)`` extrapolates f = rhs - A y to t, from t_n and the step
     before. Row i has theta and the ratio of both steps. A is the Jacobian, which is constant.

@@ -1,4 +1,4 @@
-"""Given steps as the arguments of a run say them, and the stepper that takes them."""
+"""Steps from the arguments of a run (n_steps or mesh), and steppers that march on them."""
 
 import math
 from dataclasses import replace
@@ -17,7 +17,10 @@ _MOST = 290.0
 
 
 def given_steps(system, scheme, t_end, state=None, *, n_steps=None, mesh=False, **tolerated):
-    """Return `UniformSteps` or `MeshSteps` to t_end, after those of a state; refuse tolerances."""
+    """Return `UniformSteps` or `MeshSteps` to t_end, including the steps of a resumed `state`.
+
+    Tolerances, rtol and others, are refused, because given steps do not adapt.
+    """
     remedy = "or give mesh=graded(n, exponent)" if scheme.takes_meshes and mesh is not False else ""
     left_out("or come with scheme=Collocation()", remedy, **tolerated)
     if mesh is None or mesh is False:
@@ -61,7 +64,7 @@ def _uniform_steps(system, t_end, n_steps, state):
 
 
 def open_given(system, scheme, history, how, state, allow_change, directions):
-    """Return a `FixedStepper` at the start of a run, or at a state, and its last step."""
+    """Return a `FixedStepper` at the start of a run or at `state`, and the run's last step."""
     history = history or getattr(state, "history", None) or SumOfExponentials()
     stepper = FixedStepper(system, scheme, history, how, how.n, directions)
     go_on_from(state, stepper, allow_change)
@@ -69,7 +72,10 @@ def open_given(system, scheme, history, how, state, allow_change, directions):
 
 
 def open_members(system, scheme, history, how, *members):
-    """Return a `MemberStepper`; `members` are params (E, p), y0 (E, m, d), and perhaps a plan."""
+    """Return a `MemberStepper` for an ensemble of E members.
+
+    `members` are their parameters (E, p), their initial values (E, m, d), and optionally a plan.
+    """
     history = history or SumOfExponentials()
     return _prepared(MemberStepper(system, scheme, history, how, how.n, *members), how.n)
 

@@ -10,9 +10,9 @@ import numpy as np
 from ..compiled.jit import compiled, inner
 from ..compiled.linalg import add_rows, multiply_modes
 
-# rows of a term in the amplitudes of its modes
+# Rows that each term has in Tables.amplitudes, if orders vary.
 STARTS = 6
-# modes of power laws are summed in so many parts side by side
+# Number of partial sums that Horner's rule computes in parallel for the modes of a power law.
 LANES = 4
 
 
@@ -29,11 +29,12 @@ def exchange_modes(lag, pieces, n, groups, tables, memory):
     block are one product of mode amplitudes with a table of powers of q. If the first weights of a
     scheme are no sum of exponentials, a window of the newest pieces adds the difference.
     """
-    # lag (W, B), pieces (W, B + 1); memory: modes (W, M), of each start value (W, V M), and the
-    #   newest pieces (W, L)
-    # tables: weights (C, M), start_weights (V C, M), ahead (M, B), keep (B + 1, M) with last row
-    #   q**B, corrections (C, L + 2) of the weights k = 2 .. L + 1; the first `length` modes have
-    #   real rates (kernels/mode_bank.py)
+    # lag (W, B), pieces (W, B + 1), M modes of which the first `length` have real rates
+    # memory: modes (W, M), modes of start values (W, V M), pieces (W, L), the window
+    # tables:
+    #   weights (C, M), start_weights (V C, M), ahead (M, B)
+    #   keep (B + 1, M), powers of q; the last row is q**B
+    #   corrections (C, L + 2), of the weights with k = 2 .. L + 1
     weights, start_weights, ahead, back = (
         tables.weights, tables.start_weights, tables.ahead, tables.keep,
     )  # fmt: skip
@@ -134,8 +135,9 @@ def add_direct(lag, pieces, n, groups, tables, memory):
     increments of an oscillation do; Kahan's rule would. All sums run along the block, so the loop
     is still vectorised.
     """
-    # lag (W, B), pieces (W, B + 1); tables: weights (C R, > n + B), start weights (V C, > n + B)
-    # memory: pieces (W, capacity) with u_m at m + 1, start values (W, V)
+    # lag (W, B), pieces (W, B + 1)
+    # tables: weights (C R, > n + B), start_weights (V C, > n + B)
+    # memory: pieces (W, capacity) with u_m at index m + 1, starts (W, V)
     weights, start_weights, stored, start = (
         tables.weights, tables.start_weights, memory.pieces, memory.starts,
     )  # fmt: skip
@@ -145,11 +147,11 @@ def add_direct(lag, pieces, n, groups, tables, memory):
     for c in range(lag.shape[0]):
         w, u, out = weights[groups[c] * tables.rows + row], stored[c], lag[c]
         if n > 0:
-            for k in range(n_block):  # u_(n-1) stays outside: its nearest weight is the scheme's
+            for k in range(n_block):  # without u_(n-1), whose first weight the march itself applies
                 u[n - n_block + k] = pieces[c, k]
         lost[:] = 0.0
         total, rest = 0.0, 0.0
-        for m in range(first, n if n_block == 1 else first):  # all in registers
+        for m in range(first, n if n_block == 1 else first):  # scalars stay in registers
             total, rest = two_sum(total, rest, w[n - m + 1] * u[m])
         out[0] += total + rest
         for m in range(first, n if n_block > 1 else first):
@@ -168,12 +170,12 @@ def add_direct(lag, pieces, n, groups, tables, memory):
 
 @compiled
 def set_amplitudes(scale, from_moments, decays, own):
-    """Set the amplitudes with which a sum of exponentials stands for ``t**-a`` at each of n steps.
+    """Set the amplitudes of a sum of exponentials that approximates ``t**-a``, for each of n steps.
 
-    The rates are ``exp(x + h j)``, j = 1, 2, .., whose amplitudes grow by exp(a h) from one to the
-    next. The first of them is set. All slower rates, j <= 0, are replaced by three rates with the
-    same moments k = 0, 1, 2 of their amplitudes. These are ``before / (1 - exp(-(a + k) h))`` with
-    `before` the one at j = 0. The amplitudes of these three are set.
+    The rates are ``exp(x + h j)``, j = 1, 2, .., and the amplitude of each rate is exp(a h) times
+    that of the rate before. Only the amplitude at j = 1 is set. Three rates replace all slower
+    rates, j <= 0, with the same moments k = 0, 1, 2 of the amplitudes. These moments are
+    ``before / (1 - exp(-(a + k) h))``, `before` being the amplitude at j = 0.
 
     Parameters
     ----------
@@ -184,8 +186,8 @@ def set_amplitudes(scale, from_moments, decays, own):
     decays : ndarray, shape (2,)
         exp(-k h) for k = 1, 2.
     own : ndarray, shape (6, n)
-        Given exp(a x), exp(a h), anything and exp(-a h) - 1 in rows 0 to 3. Set to the first
-        amplitude in row 0 and to those of the three rates in rows 3 to 5.
+        On entry rows 0, 1 and 3 are exp(a x), exp(a h) and exp(-a h) - 1. On return row 0 is the
+        amplitude at j = 1, and rows 3 to 5 are the amplitudes of the three slow rates.
     """
     for i in range(scale.shape[0]):
         before, fall = own[0, i] * scale[i], own[3, i]
@@ -206,10 +208,14 @@ def read_rows(lag, pieces, n, groups, tables, memory):
     modes in parallel, then to every fourth of the rest. So no product waits long for another, and
     no weight is stored.
     """
-    # pieces (W, 2); memory: modes (W, M), or (W, 2 M) where those of terms with y'' are `length`
-    #   behind the others; tables: derivatives (C, T); keep, take (R or 1, .), seen (2 R or 2, M),
-    #   for terms with y' and with y''; amplitudes (6 C T, R), for each term the first one, the
-    #   ratio, its power G / 4, and those of the slow rates behind the grid; room (1, G / 4)
+    # T terms in a group, G rates on the grid and three slow rates behind them, M = G + 3
+    # pieces (W, 2)
+    # memory: modes (W, M), or (W, 2 M) if terms with y'' have their own modes, from `length` on
+    # tables:
+    #   derivatives (C, T), keep and take (R or 1, .), room (1, G / 4)
+    #   weights (2 R or 2, M): decay of modes up to step n for terms with y', then with y''
+    #   amplitudes (6 C T, R): for each term the first amplitude, the ratio, the ratio to the power
+    #     G / 4, and the amplitudes of the three slow rates
     keep, take, seen, modes = tables.keep, tables.take, tables.weights, memory.modes
     derivatives, starts, lanes = tables.derivatives, tables.amplitudes, tables.room[0]
     i, n_rows, n_terms = n - tables.first, keep.shape[0], derivatives.shape[1]

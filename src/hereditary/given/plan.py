@@ -1,8 +1,8 @@
-"""Plans: results of schemes for one equation and its steps.
+"""Plans: what a scheme computes for one equation and its steps before a march.
 
-A scheme (stepping/scheme.py) turns an equation and a step into a `Plan`. This has the tables that
-its compiled march works on, and the `Convolution` that a history must sum for it. Nothing here
-knows how the past is summed.
+A scheme (stepping/scheme.py) turns an equation and a step into a `Plan`. The plan has the tables of
+the compiled march, and the `Convolution` that a history must sum. How a history sums is no part of
+the plan.
 """
 
 from __future__ import annotations
@@ -22,18 +22,19 @@ from .stability import StabilityRegion
 
 @dataclass(frozen=True)
 class WeightRule:
-    """A family of weights w_k that depends on p, a number or a kernel in units of the step.
+    """A family of weights w_k with a parameter p, a number or a kernel in units of the step.
 
     Attributes
     ----------
     exact : callable
-        ``exact(p, n)``: the weights w_0 .. w_(n-1), along the last axis. If p is a kernel, it may
-        be one exponential in each row (`ExponentialSteps`).
+        ``exact(p, n)``: the weights w_0 .. w_(n-1), along the last axis. A set of exponential
+        kernels as p, an `ExponentialSteps`, gives one row of weights for each.
     exponent : callable, optional
-        ``exponent(p)``: exponent a of the kernel ``t**-a`` behind the weights, a `StepKernel` where
-        that is a general one, or None where there is no memory. By default the kernel's `key`.
+        ``exponent(p)``: exponent a of the kernel ``t**-a`` behind the weights. For a general kernel
+        it is a `StepKernel`, and without memory it is None. By default the kernel's `key`.
     shares : callable, optional
-        ``shares(p, rates, weights, k)``, as `modal`. By default ``exact`` of the exponentials.
+        ``shares(p, rates, weights, k)``: the result of `modal`. By default `modal` calls `exact`
+        for each exponential of the kernel.
     """
 
     exact: Callable[[Any, int], np.ndarray]
@@ -41,9 +42,10 @@ class WeightRule:
     shares: Callable[[Any, np.ndarray, np.ndarray, int], np.ndarray] | None = None
 
     def modal(self, p, rates, weights, k):
-        """Return shares of w_k, (M,), of the modes of a kernel ``weights exp(-rates t)``, t >= 1.
+        """Return the contributions (M,) to w_k of M modes.
 
-        A share decays by ``exp(-rates)`` from one k to the next.
+        The modes are the summands ``weights exp(-rates t)``, t >= 1, of a kernel in units of the
+        step. From k to k + 1 a contribution decays by ``exp(-rates)``.
         """
         if self.shares:
             return self.shares(p, rates, weights, k)
@@ -52,7 +54,7 @@ class WeightRule:
 
 @dataclass(frozen=True)
 class Convolution:
-    """Sum that a history makes on a uniform mesh: ``lag_n = sum_k W_k u_(n-k)``, k >= 2.
+    """Sum that a history computes on uniform steps: ``lag_n = sum_k W_k u_(n-k)``, k >= 2.
 
     The weights are sums ``W_k = sum_j factor_j rule_j(p_j)_k``, with a list of (factor, rule, p)
     for each group of columns. Start values have separate lists: those of all groups for the first
@@ -61,7 +63,9 @@ class Convolution:
     Attributes
     ----------
     groups : tuple of tuple of (float, WeightRule, float)
+        (factor, rule, p) of all summands of W_k, for each of C groups.
     start_groups : tuple of tuple of (float, WeightRule, float)
+        The same for start values: C tuples for the first start value, then C for the second, etc.
     first_modal : int
         First k from which the weights are sums of exponentials, at least 2.
     """
@@ -71,10 +75,10 @@ class Convolution:
     first_modal: int = 2
 
     def prepare(self, n_end: int) -> None:
-        """Do nothing: all steps but the first have the same row."""
+        """Do nothing: all steps but the first have the same coefficients."""
 
     def reach(self, n: int):
-        """Return all steps, which are computed; see `RowSums.reach`."""
+        """Return a step beyond every run, and None for unchanged rows; see `RowSums.reach`."""
         return n + 2**62, None
 
     def check(self, history):
@@ -107,7 +111,7 @@ class Convolution:
         return bool(self._keys()) or self.first_modal > 3
 
     def exact(self, n):
-        """Return weights (C, n) and start weights (V C, n) of every group for k < n."""
+        """Return weights (C, n) of pieces and (V C, n) of start values for k < n."""
         return tuple(
             np.array([_total((f * rule.exact(p, n) for f, rule, p in terms), n) for terms in lists])
             for lists in (self.groups, self.start_groups)
@@ -140,38 +144,41 @@ def _total(pieces, n):
 
 @dataclass(frozen=True)
 class Plan:
-    """Everything a march needs to know of a scheme on one equation with one step, or on a mesh.
+    """Coefficients of a scheme for one equation with d components, with one step or on a mesh.
 
     Attributes
     ----------
     past : Convolution or RowSums
-        Sums that the history makes; `open` gives its memory for them.
+        Sums that the history computes; `History.open` makes the memory for these sums.
     rows : StepRows
-        Coefficients of the steps; for blocks of one step where each has its own.
+        Coefficients of the steps. If each step has its own, blocks have one step.
     groups : ndarray of int64, shape (d,)
-        Group of each component, of the same terms.
+        Group of each component; components of a group have the same terms.
     initial, increments : ndarray, shape (d,)
-        y(0), and the newest increment before the first step.
+        y(0), and the increment before the first step.
     shift : ndarray, shape (d,)
-        y'(0) times the unit of the rows' lengths, where the pieces leave it out; 0 elsewhere.
+        If pieces leave out t y'(0), y'(0) in the unit of ``rows.length``; otherwise 0.
     sweeps : int
-        Sweeps of a corrector.
+        Number of corrector sweeps in a step.
     integral : bool
         Whether the pieces are values of the right-hand side instead of increments.
     given : ndarray of int64, shape (d,), or None
-        Whether `increments` are those of the first step, which an explicit scheme is given.
+        1 if an explicit scheme does not solve for the first increment, but takes it from
+        `increments`.
     powers, drift : ndarray, shape (r, d)
-        Known terms ``drift t**power`` on the left side.
+        r known terms ``drift t**power`` on the left side. If each step has its own rows, `drift` is
+        y(0) for Riemann-Liouville terms.
     corrections : ndarray, shape (k, d)
         Corrections of the right-hand side in the first k steps.
     starts : ndarray, shape (V, d)
-        Start values that `past` weighs.
+        V start values of each component, whose weights are in `past`.
     lasting : bool
-        Whether `corrections` last beyond the first few steps.
+        Whether `corrections` extend beyond the first few steps.
     region : StabilityRegion or None
-        Where the eigenvalues of the Jacobian must stay; None for a scheme without a step limit.
+        Region in which the eigenvalues of the Jacobian must be; None without a step limit.
     slowest : float
-        Steps between turns up to which growing turns are watched; 0 for a scheme without a limit.
+        Growing turns of increments are watched if they are at most this many steps apart. 0 turns
+        the watch off, for schemes without a step limit.
     """
 
     past: Any

@@ -1,4 +1,4 @@
-"""Coefficients of power series, and a series for the gamma function."""
+"""Coefficients of the power of a power series, and a polynomial for 1/Gamma."""
 
 import numpy as np
 from numpy.polynomial import Chebyshev, Polynomial
@@ -27,14 +27,14 @@ def inverse_gamma(p):
 
 @compiled
 def series_of_power(factor, alpha, n):
-    """Return coefficients of ``(1-z)**(alpha-1) * F(z)**alpha``, F with the coefficients `factor`.
+    """Return n coefficients of ``(1-z)**(alpha-1) * F(z)**alpha``, a power series in z.
 
-    The product G obeys ``(1-z) F G' = ((1-alpha) F + alpha (1-z) F') G``; comparing coefficients
-    gives each of them from those before, a few operations each and without cancellation.
+    F is the polynomial with the coefficients `factor` (m,). The product G obeys
+    ``(1-z) F G' = ((1-alpha) F + alpha (1-z) F') G``. Comparing coefficients gives each coefficient
+    of G from earlier ones by a few operations, without cancellation.
     """
-    # factor (m,)
     m = factor.shape[0]
-    a, b = np.zeros(m + 1), np.zeros(m + 1)  # (1-z) F, and the bracket on the right
+    a, b = np.zeros(m + 1), np.zeros(m + 1)  # (1-z) F, and the factor of G on the right side
     for j in range(m):
         a[j] += factor[j]
         a[j + 1] -= factor[j]

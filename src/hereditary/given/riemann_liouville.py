@@ -18,7 +18,7 @@ from ..kernels.special import hurwitz_zeta
 def with_initial_values(plan, system, order):
     """Return the plan of a scheme of this order, with initial values of Riemann-Liouville terms."""
     terms = [(op, c) for op, c in system.left if op.from_zero and op.constant]
-    if not (terms and plan.rows.shared):  # rows of their own hold them
+    if not (terms and plan.rows.shared):  # if each step has its own row, rows contain the terms
         return plan
     rows, d = plan.rows, system.d
     theta = float(rows.theta[-1])

@@ -39,9 +39,10 @@ _GROUP = 64
 
 
 def moments(low, width, p, bent=True):
-    """Return m_0, and m_1 if `bent`, else 0, over distances [low, low + width].
+    """Return the moments m_0 and m_1 of ``p T**(p-1)`` over distances T in [low, low + width].
 
-    The width is an argument because far from a tiny step both ends have the same distance.
+    m_1 is 0 unless `bent`. The width is an argument, because low + width rounds to low for a tiny
+    step far away.
     """
     low = np.atleast_1d(low)
     high, nearest = low + width, low == 0.0
@@ -66,7 +67,7 @@ def moments(low, width, p, bent=True):
 def _tilt(z, average, decay):
     """Return ``int_0^1 (1/2 - v) exp(-z v) dv``, from the mean and the end of the exponential."""
     square, series = np.minimum(z, 0.5) ** 2, np.zeros_like(z)
-    for k in range(5, -1, -1):  # leaves 1e-17 below z = 0.5
+    for k in range(5, -1, -1):  # the rest of the series is below 1e-17 for z < 0.5
         series *= square
         series += 1 / (math.factorial(2 * k + 1) * (2 * k + 3) * 4 ** (k + 1))
     closed = 0.5 * average - (average - decay) / np.maximum(z, 0.5)
@@ -146,14 +147,17 @@ class _Mesh:
         return self._steps[0] ** -gamma * (1 / (1 - gamma) - self._theta[0] ** -gamma)
 
     def intervals(self, n, size, order):
-        """Return places of u_(n-k), k < size, seen from steps n, in arrays (R, size) of this order.
+        """Return distances and lengths of steps n - k, k < size, for R steps n.
+
+        Every result has the shape (R, size); `order` is the layout of the arrays, "C" or "F".
+        Distances are from the time at which step n takes its right-hand side.
 
         Returns
         -------
-        there : whether there is such an increment
-        far, width : distance of its interval, and its length
-        behind, between : the same between the middles of two steps
-        steps, slopes : length of its step, and slope of the lean on the next one
+        there : whether n - k is not negative
+        far, width : distance to the end of step n - k, and its length up to that time
+        behind, between : distance to the middle of step n - k, and from there to the middle before
+        steps, slopes : length of step n - k, and its lean over a difference of mean slopes
         """
         n = np.array(np.broadcast_to(n[:, None], (n.size, size)), order=order)
         j = n - np.arange(size)
@@ -166,14 +170,17 @@ class _Mesh:
         return there, far, width, behind, self._between[j], steps, self._slopes[j]
 
     def decays(self, rates, kinds, n):
-        """Return factors of modes at steps n, for terms with y' and y'' as `kinds` has them.
+        """Return factors of M modes at R steps n, for terms with y' and y''.
+
+        `kinds` lists the derivatives that occur, 1 for y' and 2 for y''. Every kind has M modes.
 
         Returns
         -------
         keep, take : ndarray, shape (R, .)
-            Factors of a mode, and of u_(n-2) that it takes, of one kind behind the other.
+            In step n a mode Z becomes ``keep Z + take u_(n-2)``. Modes of the first kind come
+            first.
         seen : ndarray, shape (2, R, M)
-            Factors of modes in the sum, of terms with y' and with y''.
+            Factors of modes in the sum of step n, for terms with y' and with y''.
         """
         n = n[:, None]
         j, newest = np.maximum(n - 2, 0), np.maximum(n - 1, 0)
@@ -211,21 +218,22 @@ class RowSums:
     parabolas : int
         0 for lines, 1 for parabolas on all steps of a mesh but the newest, 2 on all.
     explicit : bool
-        Whether the right-hand side is taken where the step begins, and the march solves for changes
-        of increments.
+        Whether the right-hand side is taken where the step begins. Then the march solves for the
+        change of the increment.
 
     Attributes
     ----------
     groups : ndarray of int64, shape (d,)
-        Group of each component, of the same terms.
+        Group of each component; components of a group have the same terms.
     terms : tuple of tuple of (float, operator)
         Terms of each group.
     varies : bool
         Whether an order varies.
     powers : dict
-        p = m - alpha of each operator, and 1 / Gamma(p + 1), at the steps of `rows`, (R,).
+        p = m - alpha and 1 / Gamma(p + 1) at the steps of `rows`, both (R,), for each operator of
+        order alpha. Its kernel acts on the derivative of order m.
     rows : StepRows
-        Rows of the steps computed last.
+        Coefficients of the batch of steps that was computed last.
     """
 
     def __init__(self, system, steps, parabolas=0, explicit=False):
@@ -245,7 +253,7 @@ class RowSums:
     def prepare(self, n_end: int) -> None:
         """Check the orders at about a thousand steps up to `n_end`, before the run begins.
 
-        Raises `OrderFailed` where one is outside its range, or its function raises.
+        Raise `OrderFailed` if an order is outside its range, or if its function raises.
         """
         if n_end > self._n_end:
             some = np.unique(np.linspace(0, n_end - 1, _LOOKED_AT).astype(int))
@@ -255,14 +263,14 @@ class RowSums:
             self._n_end = n_end
 
     def reach(self, n: int):
-        """Compute the rows of the batch of steps with step n, if they are not there.
+        """Compute the coefficients of the batch of steps that contains step n, if still unknown.
 
         Returns
         -------
         end : int
-            First step after the filled ones.
+            First step behind those with coefficients.
         rows : StepRows
-            Another tuple than before where this call filled them.
+            Coefficients; a new tuple if this call computed them, else that of the last call.
         """
         last, n_end = self._known
         # orders beyond the former end of the run have not been evaluated yet
@@ -270,7 +278,7 @@ class RowSums:
             first = n // ROWS_AT_ONCE * ROWS_AT_ONCE
             # whole groups: a longer run then computes these steps in the same way
             size = min(ROWS_AT_ONCE, math.ceil((self._n_end - first) / _GROUP) * _GROUP)
-            with np.errstate(all="ignore"):  # a weight that is none ends the run below
+            with np.errstate(all="ignore"):  # a weight that is not finite ends the run below
                 last = first + self._fill(np.arange(first, first + size))
             self._known = last, n_end = last, self._n_end
         if n >= last:
@@ -307,7 +315,7 @@ class RowSums:
         return bad
 
     def _rows(self, n, now, near):
-        """Return coefficients of steps n, from the weights of the newest two increments, (C, R)."""
+        """Return coefficients of steps n from the weights (C, R) of their newest two increments."""
         lead = 1 / now
         return StepRows(
             first=0,
@@ -348,9 +356,9 @@ class RowSums:
         return values * rgamma(1 - gamma)
 
     def weights(self, first, last, k_end):
-        """Return weights of u_(n-k), k < k_end, in the derivative at steps from `first` to `last`.
+        """Return weights of the increments u_(n-k), k < k_end, for steps n from `first` to `last`.
 
-        Shape (C, last - first, k_end); not divided by the leading weight.
+        Shape (C, last - first, k_end); they are not divided by the leading weight.
         """
         return self._weights(np.arange(first, last), k_end, first - self.rows.first)
 
@@ -390,7 +398,7 @@ class RowSums:
         return found
 
     def decays(self, rates, kinds, first, last):
-        """Return factors of modes at steps from `first` to `last`: see `_Mesh.decays`."""
+        """Return factors of modes at steps from `first` to `last`; see `_Mesh.decays`."""
         return self.steps.decays(rates, kinds, np.minimum(np.arange(first, last), self._n_end - 1))
 
     def has_memory(self) -> bool:
@@ -412,14 +420,21 @@ class RowSums:
 
 
 def varying_plan(system, h, theta, explicit):
-    """Make the plan of a scheme on uniform steps, for an equation with orders that vary."""
+    """Make the plan of a scheme on uniform steps, for an equation with varying orders.
+
+    First derivatives are taken at t_n + theta h. An explicit scheme takes its right-hand side at
+    t_n, an implicit one at t_n + theta h.
+    """
     sums = RowSums(system, _Uniform(h, theta, 0.0 if explicit else theta), explicit=explicit)
     given = (system.highest_orders() > 1).astype(np.int64) if explicit else None
     return _plan(system, sums, h, given=given, slowest=SLOWEST if explicit else 0.0)
 
 
 def mesh_plan(scheme, system, times, theta, parabolas):
-    """Make the plan of a scheme on a mesh of any steps."""
+    """Make the plan of a scheme on a mesh of any steps.
+
+    The equation holds at the fraction theta of each step; `parabolas` is that of `RowSums`.
+    """
     highest, up_to = float(system.highest_orders().max()), scheme.meshes_up_to
     if highest > up_to:
         required = f"lie in (0, {up_to:g}] for {type(scheme).__name__} on a mesh"

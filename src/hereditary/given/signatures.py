@@ -1,9 +1,14 @@
-"""Records of marches on given steps, and what marches and histories exchange.
+"""Records of marches on given steps, and the arrays that marches and histories exchange.
 
-A march advances in blocks of B steps over W columns. Between two blocks it hands the finished
-block's pieces to the history and gets the lag of everything older than the next one. Every history
-offers one such function, with its own tables and memory behind it as 2-D arrays. So marches and
-histories are compiled once each and pair freely.
+A march has W columns: the components of the orbit, then those of each tangent. It advances by
+blocks of B steps. The piece of a step is its increment, or the value of f in integral form. Between
+two blocks the march calls a function of the history, which stores the pieces of the finished block.
+This function then sets the lag of the next block, the weighted sum over all stored pieces. All
+histories share its signature. So marches and histories are compiled separately, and any two work
+together.
+
+Components with the same terms form one of C groups, with the same weights. Each column has V start
+values, whose weights differ from those of pieces.
 """
 
 from typing import Annotated, Any, NamedTuple, TypeAlias
@@ -21,13 +26,17 @@ _EMPTY = np.zeros((1, 0))
 class Tables(NamedTuple):
     """Tables of a memory; each history sets the tables that it reads (given/past.py).
 
-    - first, rows: the first step with its own rows, and the number of rows of each group.
-    - length: the number of pieces, of modes of one kind, or of real rates.
+    - first, rows: if weights differ from step to step, the first step of the tables, and the number
+      of steps in them.
+    - length: steps of a batch, modes of terms with y', or modes with real rates.
     - weights, start_weights: weights of pieces or modes, and of start values.
-    - keep, take, ahead: factors of a mode and of a new piece in a step; powers of `keep`.
-    - corrections: corrections of the first weights.
-    - derivatives, amplitudes, room: of steps with their own rows, the derivatives in the terms,
-      amplitudes of modes, and working storage.
+    - keep, take: if weights differ from step to step, a mode becomes keep times the mode plus take
+      times a piece. Otherwise keep is the decay of modes and pieces over the finished block.
+    - ahead: decay of the modes up to each step of the next block.
+    - corrections: corrections of the first weights, which are no sums of exponentials.
+    - derivatives, amplitudes: if orders vary, the derivative in each term, and the amplitudes of
+      modes at each step.
+    - room: working storage.
     """
 
     first: int = 0
@@ -45,11 +54,11 @@ class Tables(NamedTuple):
 
 
 class Held(NamedTuple):
-    """Contents of a memory for each of W columns, all linear in the solution.
+    """Contents of a history's memory for each of W columns, all linear in the solution.
 
-    - pieces, modes (W, .).
+    - pieces (W, .): stored pieces; modes (W, .): modes of a sum of exponentials.
     - starts (W, .): start values or their modes, which the march sets.
-    - pending (W, .): sums for later steps.
+    - pending (W, .): the part of the lag of later steps that is already summed.
     """
 
     pieces: Matrix
@@ -59,57 +68,59 @@ class Held(NamedTuple):
 
 
 def held(n_columns, pieces=0, modes=0, starts=0, pending=0):
-    """Return a `Held` of zeros with these numbers of entries for each column."""
+    """Return a `Held` of zeros; the arguments are its numbers of columns and of entries in each."""
     return Held(*(np.zeros((n_columns, size)) for size in (pieces, modes, starts, pending)))
 
 
-# References to the tables of a history, and to the contents of its memory.
+# Numba types of references to the tables of a history and to the contents of its memory.
 HISTORY_TABLES = Reference(compiled_type(Tables))
 MEMORY = Reference(compiled_type(Held))
-# lag (W, B), pieces (W, B + 1), first step of the block, group of each column (W,), tables, memory:
-# takes all pieces but the last into memory (none at step 0), adds to lag
+# Signature of a history's function. Its arguments are lag (W, B), pieces (W, B + 1), a step,
+# groups (W,), tables and memory. The step is the first one of the next block; groups has the group
+# of each column. The function stores all pieces but the last (none at step 0), and adds to lag.
 EXCHANGE_SIG = types.void(MAT, MAT, I8, IVEC, HISTORY_TABLES, MEMORY)
 
 
 class MarchMemory(NamedTuple):
-    """The memory of a march: the function of its history, its tables and contents."""
+    """The history of a march: its compiled function, its tables, and the contents of its memory."""
 
     exchange: Annotated[Any, FunctionField(EXCHANGE_SIG)]
     tables: Tables
     arrays: Held
 
 
-# Counts of a march.
+# Record with counts of a march. Zigzags and turns are explained in given/watch.py.
 MARCH_COUNTS = np.dtype(
     [
-        ("step", "i8"),  # steps made
-        ("zigzag", "i8"),  # step at which a zigzag had lasted, -1 for none
-        ("opened", "i8"),  # step whose block is open
-        ("rhs", "i8"),  # calls of the right-hand side
-        ("growth", "i8"),  # step at which turns had grown, -1 for none
-        ("kept", "i8"),  # whether the Jacobian of an earlier step and its factors are kept
-        ("at_once", "i8"),  # whether these factors solve a linear step at once
-        ("renewed", "i8"),  # steps that still need a Jacobian of their own
-        ("factorised", "i8"),  # matrices that were factorised
+        ("step", "i8"),  # number of steps made
+        ("zigzag", "i8"),  # step at which the watch noted a lasting zigzag, -1 for none
+        ("opened", "i8"),  # first step of the block that was opened last
+        ("rhs", "i8"),  # number of calls of the right-hand side
+        ("growth", "i8"),  # step at which the watch noted growth from turn to turn, -1 for none
+        ("kept", "i8"),  # whether the next step may use the last Jacobian and its factors
+        ("at_once", "i8"),  # whether the factors of Newton's matrix solve a linear step at once
+        ("renewed", "i8"),  # number of coming steps that each compute a new Jacobian
+        ("factorised", "i8"),  # number of factorised matrices
     ],
     align=True,
 )
 
 
-# Watches of each component (given/watch.py).
+# Record of the stability watch for one component (given/watch.py). A turn is a step at which the
+# increment changes its sign. An alternation is a sequence of steps that are all turns.
 MONITOR = np.dtype(
     [
-        ("alternating", "f8"),  # length of the present alternation
-        ("largest", "f8"),  # largest increment of its present batch
-        ("before", "f8"),  # largest increment of the batch before
-        ("turned", "f8"),  # step of the last turn, where increments change sign
-        ("change", "f8"),  # change of increments there
-        ("growth", "f8"),  # growth of these changes
-        ("least", "f8"),  # smallest increment of the present short batch
-        ("most", "f8"),  # largest increment of the present short batch
-        ("turns", "f8"),  # turns in quick succession, -1 where they may last
-        ("turning", "f8"),  # largest change in the present batch of turns
-        ("turning_before", "f8"),  # largest change in the batch of turns before
+        ("alternating", "f8"),  # number of steps of the present alternation
+        ("largest", "f8"),  # largest increment in the present batch of ZIGZAG_WINDOW steps
+        ("before", "f8"),  # largest increment in the batch of ZIGZAG_WINDOW steps before
+        ("turned", "f8"),  # step of the last turn
+        ("change", "f8"),  # change of the increment at the last turn
+        ("growth", "f8"),  # growth of such changes over a series of turns
+        ("least", "f8"),  # smallest increment in the present batch of SHORT_WINDOW steps
+        ("most", "f8"),  # largest increment in the present batch of SHORT_WINDOW steps
+        ("turns", "f8"),  # number of turns in quick succession; -1 if they are not watched
+        ("turning", "f8"),  # largest change of an increment in the present batch of turns
+        ("turning_before", "f8"),  # largest change of an increment in the batch of turns before
     ],
     align=True,
 )
@@ -124,16 +135,18 @@ Monitors: TypeAlias = Annotated[np.ndarray, types.Array(from_dtype(MONITOR), 1, 
 class StepTable(NamedTuple):
     """Coefficients that all steps of a run share, for W columns in C groups and blocks of B steps.
 
-    - h: the step, 0 on a mesh; sweeps: corrections of a predictor.
-    - slowest: the most steps between two turns that are watched (0: none).
+    - h: the step, 0 on a mesh; sweeps: number of corrector sweeps in a step.
+    - slowest: turns of increments are watched if they are at most this many steps apart (0: none).
     - integral: whether pieces are values of f instead of increments.
     - n_orbit: components of the orbit, which are the first columns. The first n_solved of them have
       an equation; the others are memory that f reads.
-    - every: steps between two Jacobians that are kept (0: none).
-    - groups (W,); sources (W,): the column whose increments each column uses.
-    - given (W,): whether the first increment is given.
-    - weights (C, B + 2), start_weights (V C, B + 2): inside a block.
-    - powers (r, W): of the known terms.
+    - every: steps between two Jacobians for the stability watch (0: none).
+    - groups (W,): the group of each column.
+    - sources (W,): the column whose increments each column uses.
+    - given (W,): whether the first increment is given instead of solved for.
+    - weights (C, B + 2), start_weights (V C, B + 2): weights of the pieces of the open block, and
+      of V start values.
+    - powers (r, W): exponents of r known terms ``amplitude t**power``.
     """
 
     h: float
@@ -152,16 +165,19 @@ class StepTable(NamedTuple):
 
 
 class StepRows(NamedTuple):
-    """Coefficients of single steps: those of step n are row ``min(n - first, last)``.
+    """Coefficients of R steps for C groups of columns; step n has row ``min(n - first, last)``.
 
-    Uniform steps share their last row. On meshes, and if orders vary, every step has its own.
+    All uniform steps but the first share one row. On meshes, and if orders vary, every step has its
+    own row.
 
     - times (R,): start times of the steps; empty on uniform steps.
     - theta (R,): the fraction of a step at which the equation holds.
-    - unit (R,): step sizes [time]; length (R,): step sizes in the unit of shift.
-    - ratio (R,): a step size over the one before.
+    - unit (R,): step sizes [time]; length (R,): factor of March.shift that gives the increment of
+      t x'(0).
+    - ratio (R,): the size of a step over that of the step before.
     - lead, near, scale (C, R): factors of f, of the newest piece and of the increment.
-    - drift: factors of shift, (C, R) or (C, 0). If terms use x(0), its factors follow, (2 C, R).
+    - drift (C, R): factors of March.shift; (C, 0) if there are none. If terms use x(0), C rows of
+      factors of x(0) follow, (2 C, R).
     """
 
     first: int
@@ -178,12 +194,12 @@ class StepRows(NamedTuple):
 
     @property
     def shared(self) -> bool:
-        """Whether all steps but the first have one row."""
+        """Whether all steps but the first share one row."""
         return self.last == 1
 
     @property
     def alike(self) -> bool:
-        """Whether all steps are solved with the same matrix."""
+        """Whether all steps have the same Newton matrix if the Jacobian is constant."""
         each = (self.theta[None], self.lead, self.scale)
         return self.shared and all(np.all(part == part[:, :1]) for part in each)
 
@@ -193,16 +209,18 @@ class March(NamedTuple):
 
     The W columns are the components of the orbit, then those of each tangent.
 
-    - x, increment, change (W,): the solution, with memory that an explicit step reads; the newest
-      increment; its change.
-    - lag (W, B), pieces (W, B + 1): of the open block.
-    - monitor (d,): records.
-    - shift (W,): x'(0) times the unit of lengths, which pieces do not include.
-    - drift (W, r): amplitudes of known terms, or x(0) if rows have factors for it.
-    - corrections (W, k): of the right-hand side in the first steps; starts (W, V): start values.
-    - force (W,): the newest right-hand side; lacks (W,): lead times its change in the last sweep.
-    - newton (2, ., .): a Jacobian and room for Newton's matrix, or the matrix whose factors are
-      kept, for many components (given/newton.py). (3, ., .) with room for the tangents' matrix.
+    - x (W,): the solution, and in its own columns the memory that f reads.
+    - increment, change (W,): the newest increment, and its change from the increment before.
+    - lag (W, B), pieces (W, B + 1): lag and pieces of the open block of B steps.
+    - monitor (d,): records of the stability watch for the d components of the orbit.
+    - shift (W,): x'(0), in the unit that StepRows.length needs, if pieces leave out t x'(0).
+    - drift (W, r): amplitudes of r known terms, or x(0) if StepRows.drift has factors of x(0).
+    - corrections (W, k): corrections of the right-hand side in the first k steps.
+    - starts (W, V): V start values of each column.
+    - force (W,): the newest right-hand side.
+    - lacks (W,): lead times the change of f by the last corrector sweep.
+    - newton (2, ., .): the Jacobian, and Newton's matrix, whose factors may be kept
+      (given/newton.py). (3, ., .) with the matrix of the tangents' equations.
     """
 
     counts: Counts
@@ -234,14 +252,16 @@ class MarchOutput(NamedTuple):
 
 
 class StepArrays(NamedTuple):
-    """Room for one step of W columns, d of them the orbit.
+    """Working arrays of one step, for W columns; the first d columns are the orbit.
 
-    - known (W,): what is known of the step's left side; shift (W,): the increment of t x'(0).
+    - known (W,): the part of the left side that does not depend on this step's increment.
+    - shift (W,): the increment of t x'(0).
     - scale, lead, near (W,): factors of the increment, of f and of the newest piece.
-    - w, f (W,): increments without shift, and f; moved (W,): what a sweep changed.
-    - point (W,): where f is taken, at base + gain w of base and gain (W,).
-    - first (W,): the increments that Newton's method begins with.
-    - units (d,): of components, for differences of f.
+    - w, f (W,): increments without shift, and the right-hand side.
+    - moved (W,): the change of w in a corrector sweep or a Newton iteration.
+    - point, base, gain (W,): f is taken at ``point = base + gain w``.
+    - first (W,): the first guess of w in Newton's method.
+    - units (d,): a typical size of each component, for difference quotients of f.
     """
 
     known: Vector
@@ -260,9 +280,10 @@ class StepArrays(NamedTuple):
 
 
 class GivenWork(NamedTuple):
-    """All that a step works on, in one record that is handed on by reference.
+    """All functions and arrays that a step uses, in one record that is passed by reference.
 
-    Python makes its arrays (compiled/reference.py). `solver` solves with Newton's matrix.
+    Python allocates the arrays (compiled/reference.py). `solver` factorises Newton's matrix and
+    solves with its factors; `linear` has its tables.
     """
 
     right: RightSide
@@ -279,17 +300,19 @@ class GivenWork(NamedTuple):
 MARCH_MEMORY = Reference(compiled_type(MarchMemory))
 MARCH_STATE = Reference(compiled_type(March))
 GIVEN_WORK = Reference(compiled_type(GivenWork))
-# work, time, columns (W,) where f is taken, right-hand sides (W,)
+# Signature of functions that set the right-hand sides of tangents. Their arguments are the work,
+# the time, the columns (W,) where f is taken, and the right-hand sides (W,).
 PUSH_SIG = types.void(GIVEN_WORK, F8, VEC, VEC)
-# work, time: whether the equations of the tangents were solved
+# Signature of functions that solve an implicit step of the tangents. Their arguments are the work
+# and the time; they return whether the equations were solved.
 SOLVE_TANGENTS_SIG = types.boolean(GIVEN_WORK, F8)
 
 
 class GivenMarch(NamedTuple):
-    """A march: what it works on, and functions for tangents, which few runs need.
+    """A march: its functions and arrays, and two functions for tangents.
 
-    `push` sets the right-hand sides of tangents, `solve_tangents` their increments in an implicit
-    step.
+    `push` sets the right-hand sides of the tangents. `solve_tangents` sets their increments in an
+    implicit step. Both do nothing in a run without tangents.
     """
 
     work: GivenWork
@@ -298,5 +321,6 @@ class GivenMarch(NamedTuple):
 
 
 GIVEN_MARCH = Reference(compiled_type(GivenMarch))
-# march, step to end at: how it ended (given/block.py)
+# Signature of a march. Its arguments are the march and the step to end at; it returns a status of
+# given/block.py.
 MARCH_SIG = I8(GIVEN_MARCH, I8)

@@ -1,7 +1,7 @@
-"""Where an explicit scheme is stable.
+"""Regions of stability of explicit schemes.
 
-Inserting x_n = zeta**n and f = mu x into a convolution scheme gives the curve mu(zeta). A mode that
-decays in the equation grows in the scheme when mu lies beyond the curve of |zeta| = 1.
+Inserting x_n = zeta**n and f = mu x into a convolution scheme gives the curve mu(zeta). If mu lies
+outside the curve of |zeta| = 1, a mode that decays in the equation grows in the scheme.
 """
 
 from dataclasses import dataclass, replace
@@ -11,9 +11,11 @@ from scipy.special import factorial, gamma, zeta
 
 from ..compiled.linalg import eigenvalues
 
-# Oscillatory modes count as unstable when they grow by more than this a step. A first-order scheme
-# lets every weakly damped oscillation grow a little, at any step: an error, but no instability.
+# Growth factor of a mode in one step above which an oscillatory mode counts as unstable. Schemes of
+# first order let a weakly damped oscillation grow slowly at any step size. This is an error of the
+# scheme, not an instability.
 _GROWTH = 1.1
+# Number of points on the curve mu(zeta) that are computed.
 _N_ANGLES = 512
 # Most components for which eigenvalues of all Jacobians are computed. With more, norms are compared
 # first, and eigenvalues are those of the Jacobian with the largest norm.
@@ -22,21 +24,20 @@ TOGETHER = 32
 
 @dataclass(frozen=True, eq=False)
 class StabilityRegion:
-    """The part of the complex plane in which eigenvalues of the Jacobian must be.
+    """The part of the complex plane in which a scheme is stable for eigenvalues of the Jacobian.
 
     Attributes
     ----------
     limits : ndarray, shape (d,)
         Largest stable value of -d f / d y of each component by itself; sharp.
     angles, radii : ndarray, shape (k,)
-        For systems whose components all have the same terms. It is the modulus at which an
-        eigenvalue of that argument in (0, pi) grows by a tenth a step. Empty where components
-        differ.
+        Arguments of eigenvalues in (0, pi). At the modulus in `radii` a mode grows by a tenth in a
+        step. Both are empty if components differ in their terms.
     first_angle : float
-        Eigenvalues of a smaller argument grow in the equation itself.
+        Eigenvalues with a smaller argument than this grow in the equation itself.
     gains : ndarray, shape (d,), optional
-        Value that memory read by the right-hand side has for the mode at the limit of its source's
-        size. By default it is `limits`, as an explicit scheme reads it.
+        Value of memory that f reads, for the mode at the limit of stability and a source of size 1.
+        By default `limits`, which holds for explicit schemes.
     sources : ndarray of int64, shape (d,), optional
         As in `System`.
     """
@@ -49,19 +50,22 @@ class StabilityRegion:
     sources: np.ndarray | None = None
 
     def orbit(self, d, sources):
-        """Return the region of the first d components; `sources` as in `System`."""
+        """Return the region of stability of the first d components; `sources` as in `System`."""
         gains = self.limits if self.gains is None else self.gains
         return replace(self, limits=self.limits[:d], gains=gains[:d], sources=sources)
 
     @property
     def every(self):
-        """Blocks between two Jacobians: by differences one costs 2 d right-hand sides."""
+        """Number of blocks between two Jacobians, about d / 2 for d components.
+
+        A Jacobian by differences costs 2 d right-hand sides.
+        """
         return (self.limits.size + 1) // 2
 
     def ratios(self, jacobians):
         """Return the largest ratio of an eigenvalue to its limit, for each Jacobian.
 
-        A run is unstable above 1.
+        A run is unstable if this ratio exceeds 1.
 
         Parameters
         ----------
@@ -89,9 +93,10 @@ class StabilityRegion:
         return self._ratios_of(np.linalg.eigvals(scaled))
 
     def _ratios_where_largest(self, bounds, worst):
-        """Return ratios of Jacobians of many components: bounds if these are below 1.
+        """Return ratios of eigenvalues to limits, for k Jacobians with many components.
 
-        Where the largest bound is above 1, the eigenvalues of its Jacobian, `worst`, decide.
+        Upper bounds of the ratios, (k,), cut off at 1, replace the ratios. If the largest bound may
+        mean instability, the eigenvalues of its scaled Jacobian, `worst`, give its ratio.
         """
         least = self.radii.min() / self.limits[0] if self.radii.size else 1.0
         ratios = np.minimum(bounds, 1.0)
@@ -101,8 +106,11 @@ class StabilityRegion:
         return ratios
 
     def _ratios_of(self, values):
-        """Return the largest ratios from eigenvalues over limits, (k, n)."""
-        real = np.abs(values.imag) <= 1e-9 * np.abs(values)  # but for rounding
+        """Return the largest ratio to the limits for each of k Jacobians.
+
+        `values` (k, n) are the n eigenvalues of each negated Jacobian, scaled by `limits`.
+        """
+        real = np.abs(values.imag) <= 1e-9 * np.abs(values)  # real up to rounding errors
         ratios = np.where(real, values.real, 0.0).max(axis=1, initial=0.0)
         if self.angles.size:
             spiral = -values * self.limits[0]
@@ -114,14 +122,16 @@ class StabilityRegion:
 
 
 def bounds_of(jacobians, limits):
-    """Return bounds of the ratios of many components, by norms of Jacobians over their limits (d,).
+    """Return upper bounds of the ratios of eigenvalues to limits, from norms of k Jacobians.
+
+    `limits` has an array (d,) for each Jacobian, whose rows are divided by it.
 
     Returns
     -------
     bounds : ndarray, shape (k,)
         0 where a Jacobian is not finite.
     worst : ndarray or sparse array, shape (d, d), or None
-        That of the largest bound, over its limits and negated.
+        The negated Jacobian over its limits, for the largest bound.
     """
     bounds, worst = np.zeros(len(jacobians)), None
     for k, (jacobian, limit) in enumerate(zip(jacobians, limits, strict=True)):
@@ -129,7 +139,7 @@ def bounds_of(jacobians, limits):
         if scaled is None:
             scaled = jacobian.multiply(-1 / limit[:, None]).tocsr()
         sizes = abs(scaled)
-        # of the spectral norm
+        # upper bound of the spectral norm
         bound = np.sqrt(sizes.sum(axis=0).max() * sizes.sum(axis=1).max())
         bounds[k] = bound if np.isfinite(bound) else 0.0
         if bounds[k] > bounds[:k].max(initial=0.0):
@@ -138,9 +148,10 @@ def bounds_of(jacobians, limits):
 
 
 def folded(jacobians, gains, sources):
-    """Return Jacobians (k, d, d) of the components with an equation, memory included.
+    """Return k Jacobians of the components with an equation, after elimination of other components.
 
-    `gains` (d,) or (k, d) are its values where its source is 1.
+    The other components are memory that f reads. `gains`, (d,) or (k, d), are their values for a
+    source of size 1. `jacobians` is (k, d, d).
     """
     own = sources == np.arange(sources.size)
     if own.all():
@@ -152,8 +163,8 @@ def folded(jacobians, gains, sources):
 
 
 def largest_step(limits, stiffness):
-    """Return the step h at which the smallest of ``limits(h)`` (d,) is the stiffness."""
-    low, high = -700.0, 700.0  # log h
+    """Return the step h at which the smallest of ``limits(h)``, (d,), equals `stiffness`."""
+    low, high = -700.0, 700.0  # bounds of log h for the bisection
     for _ in range(200):
         middle = (low + high) / 2
         if limits(np.exp(middle)).min() > stiffness:
@@ -164,27 +175,27 @@ def largest_step(limits, stiffness):
 
 
 def longest_step(scheme, system, h, ratio):
-    """Return the step whose limits are `ratio` times those at step h; 0 if it is unknown."""
+    """Return the step whose limits of stability are `ratio` times those at step h; 0 if unknown."""
     if system.varies or system.read.any():
         return 0.0
-    if not hasattr(scheme, "step_limit"):  # one term a component
+    if not hasattr(scheme, "step_limit"):  # each component has one term
         return h * ratio ** (-1 / float(system.highest_orders().min()))
     stiffness = ratio * scheme._limits(system, h).min()
     return largest_step(lambda step: scheme._limits(system, step), stiffness)
 
 
 def stability_region(limits, orders, curve):
-    """Return the region of an explicit scheme with the same weights in every step.
+    """Return the region of stability of an explicit scheme with the same weights in every step.
 
     Parameters
     ----------
     limits : ndarray, shape (d,)
         Limits of real eigenvalues.
     orders : list of float
-        Orders of the terms that all components have.
+        Orders of the terms that all components have in common.
     curve : callable or None
-        ``curve(zeta)``: the left side of x_n = zeta**n over zeta**n, for an array; None where terms
-        of components differ, whose eigenvalues count if real.
+        ``curve(zeta)``: the left side for x_n = zeta**n, divided by zeta**n, for an array of zeta.
+        None if components have different terms; then only real eigenvalues are checked.
     """
     nothing = np.zeros(0)
     if len(limits) == 1 or curve is None:

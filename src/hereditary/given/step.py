@@ -1,6 +1,7 @@
-"""Parts of a step, for all columns.
+"""Parts of one step of a march, for all columns (components of the orbit and of the tangents).
 
-Prediction and corrector sweeps are for pieces that are values of f.
+Names of arrays are those of `StepArrays` and `March`. `predict`, `correct` and `settle` belong to
+predictor-corrector schemes, whose pieces are values of f.
 """
 
 from ..compiled.jacobian import add_derivative_by, multiply
@@ -9,7 +10,7 @@ from ..compiled.jit import inner, plug_in
 
 @inner
 def evaluate(march, t, x, f):
-    """Evaluate right-hand sides of orbit and tangents at x (W,), and count calls of `rhs`."""
+    """Set f (W,) to the right-hand sides of orbit and tangents at x (W,), and count calls."""
     m = march.work
     user, d = m.right.user, m.table.n_orbit
     user.rhs(t, x[:d], f[:d], user.params)
@@ -20,7 +21,10 @@ def evaluate(march, t, x, f):
 
 @plug_in
 def push_tangents(m, t, x, f):
-    """Set the right-hand sides of the tangents: the Jacobian times each, and df / dp_k."""
+    """Set the right-hand sides f of the tangents: the Jacobian times each tangent, plus df / dp_k.
+
+    df / dp_k is added to the first tangents only, which are derivatives by a parameter.
+    """
     right, d, j_f = m.right, m.table.n_orbit, m.state.newton[-1]
     m.state.counts.rhs += right.jacobian(right.user, t, x[:d], m.room.units, j_f)
     for first in range(d, x.shape[0], d):
@@ -33,12 +37,16 @@ def push_tangents(m, t, x, f):
 
 @plug_in
 def push_nothing(m, t, x, f):
-    """Do nothing, where there are no tangents."""
+    """Do nothing: the march has no tangents."""
 
 
 @inner
 def predict(m):
-    """Predict w with the last f, and add the change of lead times f in the last sweep."""
+    """Predict w with f of the last step, and add `lacks`.
+
+    The last step used an f that was evaluated once more at its end. `lacks` is lead times the
+    difference, which the solution still lacks.
+    """
     known, lead, w = m.room.known, m.room.lead, m.room.w
     force, lacks = m.state.force, m.state.lacks
     for c in range(w.shape[0]):
@@ -49,7 +57,7 @@ def predict(m):
 
 @inner
 def correct(m):
-    """Make a corrector sweep; `lacks` is, negated, what it took for f."""
+    """Make one corrector sweep: compute w from f, and set `lacks` to minus lead times this f."""
     known, lead, w, f = m.room.known, m.room.lead, m.room.w, m.room.f
     moved, lacks = m.room.moved, m.state.lacks
     for c in range(w.shape[0]):
@@ -61,7 +69,7 @@ def correct(m):
 
 @inner
 def settle(m):
-    """Keep f, and lead times what the last sweep lacked of it."""
+    """Store the final f of a step, and in `lacks` lead times its change since the last sweep."""
     lead, f, force, lacks = m.room.lead, m.room.f, m.state.force, m.state.lacks
     for c in range(f.shape[0]):
         force[c] = f[c]
@@ -70,7 +78,7 @@ def settle(m):
 
 @inner
 def take_row(m, i):
-    """Take the coefficients of each column from row i."""
+    """Copy the coefficients of each column from row i of the step coefficients."""
     groups, speed, rows, room = m.table.groups, m.state.shift, m.rows, m.room
     leads, nears, scales, length = rows.lead, rows.near, rows.scale, rows.length[i]
     shift, lead, near, scale = room.shift, room.lead, room.near, room.scale
@@ -82,7 +90,7 @@ def take_row(m, i):
 
 @inner
 def know(m, p):
-    """Add the newest piece to the lag."""
+    """Set `known` to the lag of the step plus the weighted newest piece, number p of its block."""
     known, near, lag, pieces = m.room.known, m.room.near, m.state.lag, m.state.pieces
     for c in range(known.shape[0]):
         known[c] = near[c] * pieces[c, p] + lag[c, p]
@@ -90,7 +98,10 @@ def know(m, p):
 
 @inner
 def add_drift(m, i):
-    """Add what terms with orders that vary take of x'(0), and of x(0) where amplitudes hold it."""
+    """Add the parts with x'(0), and with x(0), to `known`, if each step has its own coefficients.
+
+    x(0) occurs in Riemann-Liouville terms only; then the state's `drift` is x(0).
+    """
     groups, drifts, speed, amplitudes = m.table.groups, m.rows.drift, m.state.shift, m.state.drift
     known, n_groups = m.room.known, drifts.shape[0] // (1 + amplitudes.shape[1])
     for c in range(known.shape[0]):
@@ -101,7 +112,7 @@ def add_drift(m, i):
 
 @inner
 def add_powers(m, n, t):
-    """Add known powers of t, not at 0, and corrections of the first steps."""
+    """Add known terms ``amplitude t**power``, unless t = 0, and corrections of the first steps."""
     # amplitudes (W, r), powers (r, W), corrections (W, k), lead, known (W,)
     amplitudes, powers, corrections = m.state.drift, m.table.powers, m.state.corrections
     lead, known = m.room.lead, m.room.known
@@ -117,20 +128,23 @@ def add_powers(m, n, t):
 
 @inner
 def see(m, theta):
-    """Set where f is taken: at ``base + gain w`` with w of the sources, y and memory alike."""
+    """Set `base` and `gain`: f is taken at ``base + gain w``, w being that of a column's source.
+
+    A column of memory that f reads has another column as source; other columns are their own.
+    """
     sources, x, room = m.table.sources, m.state.x, m.room
     shift, scale, known, lead = room.shift, room.scale, room.known, room.lead
     base, gain = room.base, room.gain
     for c in range(base.shape[0]):
         if sources[c] == c:
             base[c], gain[c] = x[c] + theta * shift[c], theta
-        else:  # scale w + known is lead times the derivative
+        else:  # for memory that f reads, scale w + known is lead times this memory
             base[c], gain[c] = known[c] / lead[c], scale[c] / lead[c]
 
 
 @inner
 def look(m, n):
-    """Set the point where f is taken, of the first n columns."""
+    """Set `point`, where f is taken, to ``base + gain w`` in the first n columns."""
     base, gain, w, point = m.room.base, m.room.gain, m.room.w, m.room.point
     sources = m.table.sources
     for c in range(n):
@@ -139,7 +153,7 @@ def look(m, n):
 
 @inner
 def change(m, n, p):
-    """Set w of an explicit step, and its change."""
+    """Set the increment w of an explicit step, and its change from the increment before."""
     known, shift, lead, f, w = m.room.known, m.room.shift, m.room.lead, m.room.f, m.room.w
     given, u, d, pieces = m.table.given, m.state.increment, m.state.change, m.state.pieces
     for c in range(w.shape[0]):
@@ -151,7 +165,10 @@ def change(m, n, p):
 
 @inner
 def close(m, n, p, ratio, explicit):
-    """Move the solution on, keep the piece and spread it over the steps ahead in its block."""
+    """End step n: add its increment to x, store its piece, and add this piece to later lags.
+
+    Only lags of the same block get the piece; p is the number of the step in its block.
+    """
     table, state, room = m.table, m.state, m.room
     groups, sources, weights, given = table.groups, table.sources, table.weights, table.given
     shift, known, lead, w, f = room.shift, room.known, room.lead, room.w, room.f
@@ -160,7 +177,7 @@ def close(m, n, p, ratio, explicit):
     bend = 2.0 * ratio / (1.0 + ratio)
     for c in range(w.shape[0]):
         own = sources[c] == c
-        if not own:  # memory takes the increments of its source
+        if not own:  # memory that f reads is driven by the increments of its source
             w[c] = w[sources[c]]
             if explicit:
                 d[c] = w[c] - pieces[c, p]
@@ -172,7 +189,7 @@ def close(m, n, p, ratio, explicit):
             x[c] += new
         elif not explicit:
             x[c] = base[c] + gain[c] * w[c]
-        else:  # for the next step
+        else:  # memory that f reads in the next step
             x[c] = 0.0 if n == 0 and given[c] == 1 else (d[c] + known[c]) / lead[c]
         piece, a = f[c] if integral == 1 and own else w[c], groups[c]
         pieces[c, p + 1] = piece
@@ -182,7 +199,10 @@ def close(m, n, p, ratio, explicit):
 
 @inner
 def first_value(m, explicit):
-    """Set the first start value of each column, its first increment where that is solved for."""
+    """Set `known` to the first start value of each column.
+
+    In implicit schemes this is the increment of the first step, in explicit ones a given value.
+    """
     starts, w, out = m.state.starts, m.room.w, m.room.known
     for c in range(out.shape[0]):
         out[c] = starts[c, 0] if explicit else w[c]

@@ -1,4 +1,4 @@
-"""Given steps, uniform or along a mesh, and times at which they are to stop."""
+"""Steps given in advance, uniform or on a mesh, and the steps that end at jumps of f."""
 
 from __future__ import annotations
 
@@ -61,7 +61,7 @@ _ASIDE = 8 * np.finfo(float).eps
 
 
 class Span(NamedTuple):
-    """Shortest step of a mesh but for the last one, and the farthest time it may be resumed to."""
+    """Shortest step of a mesh apart from its last step, and the last time of any resumed run."""
 
     shortest: float
     farthest: float
@@ -70,9 +70,9 @@ class Span(NamedTuple):
 def mesh_steps(
     mesh: Graded | ArrayLike, t_end: float, so_far: MeshSteps | None = None, origin: float = 0.0
 ) -> MeshSteps:
-    """Return the checked steps of a mesh on [0, t_end], after the steps of the run so far.
+    """Check a mesh that ends at t_end, and return its steps behind those of the run so far.
 
-    Messages name times from `origin` on.
+    Error messages add `origin` to times.
     """
     start = 0.0 if so_far is None else float(so_far.mesh[-1])
     if isinstance(mesh, Graded):
@@ -101,9 +101,9 @@ class UniformSteps:
     h : float
         Step [time].
     n : int
-        Steps of the run.
+        Number of steps of the run.
     span : int
-        Steps that the memory of a run covers; 0 before it begins.
+        Number of steps that the history of the run covers; 0 before the run begins.
     """
 
     h: float
@@ -111,11 +111,11 @@ class UniformSteps:
     span: int = 0
 
     def covered(self, n_steps: int, horizon: float) -> int:
-        """Return the number of steps that a history is to cover, at least to `horizon`."""
+        """Return the number of steps that the history must cover: the run's, or up to `horizon`."""
         return max(self.span or int(n_steps), math.ceil(horizon / self.h * (1 - 1e-12)))
 
     def time(self, n: int) -> float:
-        """Return the time of step n."""
+        """Return t_n, the time after n steps."""
         return n * self.h
 
     def until(self, n: int) -> UniformSteps:
@@ -123,22 +123,22 @@ class UniformSteps:
         return replace(self, n=n)
 
     def unit(self, n: int) -> float:
-        """Return the length of the step that ends at step n."""
+        """Return the length of the step from t_(n-1) to t_n."""
         return self.h
 
     def times(self, positions: np.ndarray) -> np.ndarray:
-        """Return times of positions in units of steps."""
+        """Return times of positions; the position of t_n is n."""
         return positions * self.h
 
     def positions(self, times: np.ndarray) -> np.ndarray:
-        """Return positions of times in units of steps, whole numbers at steps."""
+        """Return positions ``times / h``; rounding errors of whole numbers are removed."""
         positions = times / self.h
         mesh = np.rint(positions)
         near = np.abs(positions - mesh) <= 8 * np.finfo(float).eps * mesh
         return np.where(near, mesh, positions)
 
     def first_from(self, t: float) -> int:
-        """Return the number of the first step that is not before t."""
+        """Return the least n with t_n >= t."""
         return int(np.ceil(self.positions(np.array([t]))[0]))
 
     def plan(self, scheme, system):
@@ -148,13 +148,14 @@ class UniformSteps:
 
 @dataclass(frozen=True, eq=False)
 class MeshSteps:
-    """Steps between given times.
+    """Steps between the times of a mesh.
 
     Attributes
     ----------
     mesh : ndarray, shape (n+1,)
-        Times, from 0 on [time].
+        Times t_0 to t_n, t_0 = 0 [time].
     span : Span
+        Range of time lags that the history must cover.
     """
 
     mesh: np.ndarray
@@ -168,11 +169,11 @@ class MeshSteps:
         return self.mesh.size - 1
 
     def covered(self, n_steps: int, horizon: float) -> Span:
-        """Return the distances that a history is to cover."""
+        """Return the range of time lags that the history must cover."""
         return self.span
 
     def time(self, n: int) -> float:
-        """Return the time of step n."""
+        """Return t_n, the time after n steps."""
         return float(self.mesh[n])
 
     def until(self, n: int) -> MeshSteps:
@@ -180,20 +181,20 @@ class MeshSteps:
         return replace(self, mesh=self.mesh[: n + 1].copy())
 
     def unit(self, n: int) -> float:
-        """Return the length of the step that ends at step n; of the first one for n = 0."""
+        """Return the length of the step from t_(n-1) to t_n; that of the first step for n = 0."""
         n = max(n, 1)
         return float(self.mesh[n] - self.mesh[n - 1])
 
     def times(self, positions: np.ndarray) -> np.ndarray:
-        """Return times of positions in units of steps."""
+        """Return times of positions; the position of t_n is n, linear in between."""
         return np.interp(positions, np.arange(self.mesh.size), self.mesh)
 
     def positions(self, times: np.ndarray) -> np.ndarray:
-        """Return positions of times in units of steps."""
+        """Return positions of times; the position of t_n is n, linear in between."""
         return np.interp(times, self.mesh, np.arange(self.mesh.size))
 
     def first_from(self, t: float) -> int:
-        """Return the number of the first step that is not before t."""
+        """Return the least n with t_n >= t."""
         return int(np.searchsorted(self.mesh, t))
 
     def plan(self, scheme, system):
@@ -202,16 +203,16 @@ class MeshSteps:
 
 
 def steps_in(name, length, h):
-    """Return the number of steps h next to a length."""
+    """Return ``length / h`` rounded to a whole number of steps; refuse more than `COUNTED`."""
     if not length / h <= COUNTED:
         refuse(name, f"be at most {COUNTED:.0e} steps h = {h:g}", f"{length:g}")
     return round(length / h)
 
 
 def break_steps(times, start, t_end, steps, origin):
-    """Return numbers of the steps that end at breaks from `start` on, a frozenset.
+    """Return the numbers n of all breaks t_n in [start, t_end], as a frozenset.
 
-    Messages name times from `origin` on.
+    Refuse breaks that are not at ends of steps; the error message adds `origin` to times.
     """
     times = times[(times >= start) & (times <= t_end)]
     if times.size == 0:
@@ -227,7 +228,10 @@ def break_steps(times, start, t_end, steps, origin):
 
 
 def before_break(breaks, n, stop):
-    """Return the step to which a march goes at once from step n; steps at breaks are single."""
+    """Return the step up to which one call of the march may go from step n.
+
+    Each step next to a break needs a call of its own.
+    """
     if not breaks:
         return stop
     if breaks & {n, n + 1}:
@@ -236,9 +240,10 @@ def before_break(breaks, n, stop):
 
 
 def rows_beside(breaks, n, rows, steps, origin):
-    """Return the rows of step n, which next to a break sees the jump from its own side.
+    """Return the coefficients `rows`, with f taken slightly inside step n if a break is at its end.
 
-    Functions see times from `origin` on.
+    Without this shift a step might take f on the wrong side of the jump. `breaks` has the numbers n
+    of all breaks t_n. The user's f gets times plus `origin`, so the shift exceeds their rounding.
     """
     theta = rows.theta
     for beside, seen, sign in ((n + 1 in breaks, 1.0, -1.0), (n in breaks, 0.0, 1.0)):
@@ -249,7 +254,7 @@ def rows_beside(breaks, n, rows, steps, origin):
 
 
 def kept_steps(times, h, start):
-    """Return the numbers of the uniform steps h that end at given times, counted from `start`."""
+    """Return the numbers n with ``start + n h`` equal to the given times; refuse other times."""
     positions = (times - start) / h
     numbers = np.rint(positions)
     if np.any(np.abs(positions - numbers) > _OFF):

@@ -1,4 +1,4 @@
-"""Plans of schemes on uniform steps, from the weights of single terms."""
+"""Plans of schemes on uniform steps, made from the weights of each term of the equation."""
 
 from functools import partial
 
@@ -24,7 +24,7 @@ def uniform_plan(
     drift=None,
     **more,
 ):
-    """Make the plan of a scheme whose equation holds at t_n + theta h.
+    """Make the plan of a scheme on uniform steps whose equation holds at t_n + theta h.
 
     Parameters
     ----------
@@ -34,19 +34,21 @@ def uniform_plan(
     theta : float
         In [0, 1]; 0 for an explicit scheme, which is solved for changes of increments [-].
     weighed : callable
-        ``weighed(c, operator)``: factor, `WeightRule` and its p of c times an operator, for
-        increments, or with `integral` for values of f on the left side.
+        ``weighed(c, operator)``: the factor, the `WeightRule` and its p for the term c times an
+        operator. They weigh increments or, if `integral`, values of f on the left side.
     starts : sequence of (callable or None, ndarray of shape (d,))
-        Weights of start values, as from `weighed` or None, and these values. The first start value
-        of an implicit scheme is found by the first step: its first increment, or f at 0.
+        For each start value a callable like `weighed`, or None for no weights, and the value. An
+        implicit scheme replaces the first start value by its first increment, or by f at 0.
     whole : bool
-        Whether the increments keep h x'(0).
+        Whether the increments contain h x'(0).
     integral : bool
-        Whether the pieces are values of f; memory that f reads has increments for pieces.
+        Whether the pieces are values of f. Even then the pieces of memory that f reads are
+        increments.
     first_modal : int
         First k from which the weights are sums of exponentials.
     drift : tuple of two ndarrays (r, d), optional
-        Amplitudes and powers of known terms, in addition to the derivatives of t x'(0).
+        Amplitudes and powers of r known terms ``amplitude t**power`` on the left side. The
+        derivatives of t x'(0) are added to them.
     **more
         Other fields of the `Plan`.
 
@@ -115,17 +117,21 @@ def _over(total, terms):
 
 
 def parabola_plan(system, h, theta, closing=False, **more):
-    """Make the plan of a scheme whose solution is a parabola on each step (`parabola_weights`)."""
+    """Make the plan of a scheme whose solution is a parabola on each step.
+
+    The equation holds at t_n + theta h; for `closing` see `parabola_weights`.
+    """
     rules = parabola_weights(theta, closing), parabola_start(theta)
     weighed, start = (partial(by_rule, h=h, rule=rule) for rule in rules)
     return uniform_plan(system, h, theta, weighed, starts=[(start, 0.0)], **more)
 
 
 def drift_of_speed(system, whole=False):
-    """Return derivatives of t x'(0), which increments omit: amplitudes, powers, (r, d) each.
+    """Return amplitudes and powers, (r, d) each, of the r derivatives of t x'(0).
 
-    None where they keep it, nor for components of order up to 1. There only the halves of a reduced
-    order have an x'(0), and their terms act on x - t x'(0) alone.
+    Increments leave out t x'(0), so these terms are added. r is 0 if `whole`, because increments
+    then contain h x'(0). Amplitudes are 0 for components of order up to 1. Such components have an
+    x'(0) only after `reduce_order`, whose terms act on x - t x'(0).
     """
     if system.m == 1 or whole:
         return np.zeros((2, 0, system.d))

@@ -1,32 +1,34 @@
-"""Signs of instability in a march's own steps: lasting zigzags, growing turns.
+"""Signs of instability in the increments of a march: lasting zigzags and growing turns.
 
-Each component of the orbit has a record (`MONITOR`, compiled/signatures.py). Nothing is done
-between turns: most orbits seldom turn.
+A turn is a step at which the increment of a component changes its sign. An alternation, or zigzag,
+is a sequence of steps that are all turns. Each component of the orbit has a record (`MONITOR`,
+given/signatures.py). The functions are called at turns only, because most orbits seldom turn.
 """
 
 from ..compiled.jit import inner
 
-# Steps of unbroken alternation after which the amplitude is compared with that of the batch
-# before. A resolved oscillation never alternates twice in a row; at 0.99 of the step limit the
-# undamped classical oscillator alternates for 16 steps, and every damped one shrinks.
+# Steps in a batch of an alternation; the largest increments of two batches in a row are compared.
+# A resolved oscillation never alternates twice in a row. At 0.99 of the step limit the undamped
+# classical oscillator alternates for 16 steps, and the alternation of every damped one shrinks.
 ZIGZAG_WINDOW = 64
 # An alternation is sustained if its amplitude keeps at least this fraction from one batch to the
 # next.
 ZIGZAG_KEPT = 0.98
-# An alternation below this fraction of the solution is rounding.
+# Increments of an alternation below this fraction of the solution count as rounding errors.
 ZIGZAG_FLOOR = 1e-9
-# Increments below this are hardly floats, and count as rounding too.
+# Increments below this size count as rounding errors, because floats hardly resolve them.
 SMALLEST_CHANGE = 1e-300
 # Number of steps after which a large alternation is sustained: it needs fewer steps to spoil the
 # solution.
 SHORT_WINDOW = 16
-# Least ratio of the smallest to the largest increment in these steps. At 0.999 of its limit,
-# increments of the undamped oscillator still differ by a tenth.
+# Least ratio of the smallest to the largest increment of a short batch in a lasting zigzag. At
+# 0.999 of its step limit, increments of the undamped oscillator still differ by a tenth.
 SHORT_ALIKE = 0.95
-# An alternation is large from this fraction of the solution on.
+# Least size of a large alternation, as a fraction of the solution.
 LARGE = 0.05
-# Growth of changes at turns that is an instability, from one turn to the next within QUICK steps.
-# At 0.99 of its limit changes of the undamped oscillator grow and shrink by ten.
+# Total growth of the increment's changes over a series of turns that counts as instability. This
+# value is for turns at most QUICK steps apart. At 0.99 of its step limit the changes of the
+# undamped oscillator grow and shrink by a factor of ten.
 GROWN = 30.0
 # Growth of changes at turns that is an instability if turns take longer. The growth of beats is at
 # most their number.
@@ -41,10 +43,12 @@ SLOWEST = 11.0
 
 @inner
 def watch_turn(own, change, increment, size, slowest, counts):
-    """Look at a turn of a component's increments; more than `slowest` steps apart are resolved.
+    """Update a component's record `own` at a turn, and note signs of instability in `counts`.
 
-    counts.zigzag becomes the step at which a zigzag has lasted, counts.growth that at which turns
-    have grown.
+    `increment` is the newest one, `change` its difference from the increment before, and `size` the
+    solution. Turns more than `slowest` steps apart belong to a resolved oscillation. The field
+    counts.zigzag becomes the step at which a zigzag has lasted. The field counts.growth becomes the
+    step at which changes have grown.
     """
     change, increment, size, n = abs(change), abs(increment), abs(size), float(counts.step)
     length, before = n - own.turned, own.change
@@ -64,10 +68,11 @@ def watch_turn(own, change, increment, size, slowest, counts):
 
 @inner
 def watch_turning(own, change, size, length, counts):
-    """Note the step at which large turns of a few steps each have gone on without shrinking.
+    """Note in counts.zigzag the step at which a series of quick, large turns did not shrink.
 
-    So a force that saturates keeps an orbit beyond the limit. Undamped oscillators of order 2 turn
-    like that below it; every mode of lower order shrinks there.
+    Beyond the step limit a force that saturates keeps an orbit turning in this way. Below the step
+    limit modes of order below 2 shrink. Undamped oscillators of order 2 do not, so they are not
+    watched here.
     """
     if length > QUICK:
         own.turns, own.turning, own.turning_before = 0.0, 0.0, 0.0
@@ -83,7 +88,10 @@ def watch_turning(own, change, size, length, counts):
 
 @inner
 def watch_zigzag(own, increment, size, counts):
-    """Note the first step at which the increments have alternated on and on without shrinking."""
+    """Note in counts.zigzag the first step at which a lasting alternation did not shrink.
+
+    `size` is the solution's. The record `own` counts the steps of the alternation.
+    """
     if own.alternating % SHORT_WINDOW == 0.0:
         own.least, own.most = increment, increment
     own.alternating += 1.0

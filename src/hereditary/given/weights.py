@@ -1,6 +1,6 @@
-"""Weight rules: weights of increments on a uniform mesh, from a kernel in units of the step.
+"""Weight rules: weights of increments on uniform steps, from a kernel in units of the step.
 
-All of them are moments of the kernel over intervals of one step.
+All weights are values of the kernel, or its integrals and first moments over intervals of one step.
 """
 
 from functools import lru_cache, partial
@@ -10,44 +10,50 @@ import numpy as np
 from ..kernels.step_kernel import Integrated, StepKernel
 from .plan import WeightRule
 
-# b_k - b_(k-1), and b_0 for k = 0, b_k being the integral over [k, k+1]
+# Rule of second derivatives: weights b_k - b_(k-1), and b_0 for k = 0. b_k is the integral of the
+# kernel over [k, k+1].
 SECOND_DIFFERENCES = WeightRule(lambda kernel, n: kernel.differences(n))
 
 
 @lru_cache(maxsize=8)
 def shifted_differences(theta):
-    """Return the rule of integrals over [k-1+theta, k+theta], for slopes at t_n + theta h.
+    """Return the rule whose weights are integrals of the kernel over [k-1+theta, k+theta].
 
-    For theta = 1 these are the b_k above.
+    It is for first derivatives at t_n + theta h. The interval of k = 0 is [0, theta].
     """
     return WeightRule(lambda kernel, n: kernel.seen(theta, n))
 
 
+# Rule of first derivatives at the end of a step: integrals of the kernel over [k, k+1].
 FIRST_DIFFERENCES = shifted_differences(1.0)
 
 
 @lru_cache(maxsize=8)
 def kernel_values(theta):
-    """Return the rule of the kernel's values at t_n + theta h."""
+    """Return the rule whose weights are values of the kernel at k + theta."""
     return WeightRule(lambda kernel, n: kernel.at(np.arange(n) + theta))
 
 
 def weighed(c, operator, h, theta=1.0):
-    """Return factor, rule and kernel of ``c`` times an operator at t_n + theta h.
+    """Return the factor, rule and kernel of ``c`` times an operator at t_n + theta h.
 
-    It is ``factor sum_k rule(kernel)_k u_(n-k)`` for increments u.
+    This term of the equation is ``factor sum_k rule(kernel)_k u_(n-k)`` for increments u.
     """
     second = operator.derivative == 2
     return by_rule(c, operator, h, SECOND_DIFFERENCES if second else shifted_differences(theta))
 
 
 def by_rule(c, operator, h, rule):
-    """Return the factor, rule and kernel of ``c`` times an operator, with any rule."""
+    """Return the factor, rule and kernel of ``c`` times an operator, for a given rule."""
     return c * operator.factor(h), rule, operator.in_steps(h)
 
 
 def value_weights(c, operator, h, theta, derivative):
-    """Return weights ``c int_0^t K`` of a start value, for a kernel on this derivative."""
+    """Return the factor, rule and kernel of ``c int_0^t K``, the weights of a start value.
+
+    The start value is y(0) (`derivative` 0) or y'(0) (1). Return None unless the operator has a
+    general kernel K that acts on this derivative.
+    """
     if operator.kernel is None or operator.derivative != derivative:
         return None
     return c, kernel_values(theta), StepKernel(Integrated(operator.kernel), h)
@@ -55,19 +61,22 @@ def value_weights(c, operator, h, theta, derivative):
 
 @lru_cache(maxsize=8)
 def parabola_weights(theta, closing):
-    """Return the rule for parabolas with slopes at t_n + theta h.
+    """Return the rule of first derivatives at t_n + theta h for piecewise parabolic solutions.
 
     ``W_k = a_k + m_(k+1) - m_k`` with a_k of `shifted_differences` and the moments
-    ``m_k = int K(t) (middle - t) dt`` over [k-1+theta, k+theta]: the parabola on an interval leans
-    on the one after it. With `closing` (theta = 1) the last interval takes the parabola of the one
-    before. This adds m_0 over [0, 1] to W_0 and takes it from W_1.
+    ``m_k = int K(t) (middle - t) dt`` over [k-1+theta, k+theta]. The parabola on an interval uses
+    the value at the end of the next interval. With `closing` (theta = 1) the last interval has the
+    parabola of the interval before. This adds m_0 over [0, 1] to W_0 and subtracts it from W_1.
     """
     return WeightRule(partial(_parabola, theta, closing))
 
 
 @lru_cache(maxsize=8)
 def parabola_start(theta):
-    """Return the rule ``-m_(k+1)`` of the first increment, which has no interval before."""
+    """Return the rule ``-m_(k+1)``, which corrects the weight of the first increment.
+
+    This increment has no interval before it. For m see `parabola_weights`.
+    """
     return WeightRule(lambda kernel, n: -kernel.moments(theta, n + 1)[..., 1:])
 
 

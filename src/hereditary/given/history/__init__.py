@@ -1,1 +1,1 @@
-"""Histories, one file each."""
+"""Histories, which sum over the past of a run, one file for each."""

@@ -1,4 +1,4 @@
-"""Direct sums: the reference history, exact to rounding, O(N**2)."""
+"""Direct sums over the past, exact up to rounding errors, in O(N**2) operations for N steps."""
 
 from dataclasses import dataclass
 from typing import ClassVar
@@ -22,12 +22,12 @@ class Direct(History):
 
     Error
     -----
-    Only rounding.
+    Rounding errors only.
 
     Cost
     ----
-    n multiplications at step n, N**2 / 2 in all, and 8 N bytes for each component. If orders vary,
-    every weight is new in every step, which takes about twenty times as long.
+    For each component, n multiplications at step n, N**2 / 2 for N steps, and 8 N bytes of storage.
+    If orders vary, each step computes all its weights, which takes about twenty times as long.
 
     Examples
     --------
@@ -42,7 +42,7 @@ class Direct(History):
     takes_meshes: ClassVar[bool] = True
 
     def memory(self, past, n_columns, n_block, span) -> OpenHistory:
-        """Make the memory of a past; see `History.memory`."""
+        """Return a new memory that stores all pieces; see `History.memory`."""
         own = _Pieces if isinstance(past, Convolution) else _PiecesByRows
         return own(past, n_columns, n_block)
 
@@ -56,7 +56,7 @@ class _Pieces(OpenHistory):
         super().__init__(exchange_direct, Tables(), arrays, *past.exact(n_block + 2))
 
     def prepare(self, n_end):
-        """Grow the arrays and tables to hold steps up to `n_end`."""
+        """Allocate arrays of pieces, and compute tables of weights, for steps up to `n_end`."""
         pieces = self.arrays.pieces
         if pieces.shape[1] < n_end + 1:
             more = max(n_end + 1, 2 * pieces.shape[1]) - pieces.shape[1]

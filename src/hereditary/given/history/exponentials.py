@@ -39,16 +39,20 @@ from .history import History, OpenHistory
 _STEPS_COVERED = 2 * 10**7
 # Number of steps of a mesh whose rows of tables are computed at once.
 _ROWS = 256
-# Modes are handled four at a time and padded to a multiple of eight, a SIMD register's width, or of
-# sixteen where steps weigh them anew.
+# On uniform steps with constant orders the number of rates is a multiple of this, the width of a
+# SIMD register.
 _PAD = 8
+# If orders vary, the number of rates on the grid is a multiple of this.
 _FOURS = 4 * LANES
+# Last clause of a message that refuses to resume a run.
 _REMEDY = "begin the run with SumOfExponentials(horizon=), the time it is to reach"
 
 
 @dataclass(frozen=True)
 class SumOfExponentials(History):
-    """The past as decaying modes that all memory terms share; the default.
+    """A sum of exponentials in place of each memory kernel; all terms share the decaying modes.
+
+    This is the default.
 
     Parameters
     ----------
@@ -56,24 +60,25 @@ class SumOfExponentials(History):
         Relative error of the memory kernels, 1e-13 <= tol <= 0.1 [-].
     horizon : float, optional
         Time up to which the run may be resumed [time]. The default covers 2 * 10**7 steps, or the
-        whole run if it has more, and ten times the length of a mesh. Kernels given as a function or
-        a table cover only the first run by default.
+        whole run if it has more. On a mesh it covers ten times the time of the run. With kernels
+        given as a function or a table it covers only the first run.
 
     Error
     -----
-    Each kernel is reproduced to `tol` relative at every distance from one step to the horizon. All
-    weights but those of signed kernels are positive, so a decaying memory stays one for any `tol`
-    (convergence/memory_is_nearly_free.py). A function or a table that no sum follows so closely is
-    followed as closely as can be. A `KernelWarning` says so before the run, and
-    ``stats["kernel_error"]`` how closely. A run ends as KERNEL_INACCURATE if a function is
-    followed less closely than to `tol` and to 1e-6. So it does if a table is followed less closely
-    than to 0.1.
+    The sum of exponentials has a relative error of `tol` at every time lag from one step to the
+    horizon. Its weights are positive unless a kernel changes sign, so a decaying memory remains
+    decaying for any `tol` (convergence/memory_is_nearly_free.py).
+
+    If no sum fits a kernel given as a function or a table to `tol`, the best fit is used. A
+    `KernelWarning` reports it before the run, and ``stats["kernel_error"]`` has its error. The run
+    ends as KERNEL_INACCURATE if the error exceeds both `tol` and 1e-6 for a function, or 0.1 for a
+    table.
 
     Cost
     ----
-    Two multiplications for each mode in a step. The number of modes grows like log(N) log(1/tol):
-    56 at 1e-10 for up to 2 * 10**7 steps, with 8 bytes each for a component. If orders vary, there
-    are 76 modes for all orders, with new weights in each step.
+    Two multiplications for each mode in a step, and 8 bytes for each mode and component. For N
+    steps the number of modes grows like log(N) log(1/tol). It is 56 at 1e-10 for up to 2 * 10**7
+    steps. If orders vary, 76 modes serve all orders, and each step computes new weights.
 
     Examples
     --------
@@ -96,7 +101,7 @@ class SumOfExponentials(History):
             positive("horizon", self.horizon)
 
     def memory(self, past, n_columns, n_block, span) -> OpenHistory:
-        """Make the memory of a past; see `History.memory`."""
+        """Return a new memory that stores modes; see `History.memory`."""
         if isinstance(past, RowSums):
             mesh = past.steps.mesh
             covered = self._covered(span + 1, (), span) if mesh is None else self._span(mesh, span)
@@ -233,7 +238,7 @@ class _RowModes(OpenHistory):
 
 
 class _FittedModes(_RowModes):
-    """Modes of constant orders."""
+    """Memory of modes on a mesh for constant orders, with weights fitted to each order."""
 
     _exchange = staticmethod(exchange_rows)
 

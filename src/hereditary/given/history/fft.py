@@ -1,9 +1,9 @@
-"""FFT history: direct sums rearranged, exact to rounding, O(N log(N)**2).
+"""Sums over the past by FFT, exact up to rounding errors, O(N log(N)**2) for N steps.
 
-The sum over the past is cut into squares. After j batches of R steps, let 2**m be the largest power
-of two that divides j. The newest R 2**m pieces then act on the next R 2**m steps by one FFT
-product. Every pair of a piece and a later step is in exactly one square, or in the triangle of its
-own batch. The triangle is summed directly.
+Pairs of a piece and a later step are sorted into squares. After j batches of R steps, let 2**m be
+the largest power of two that divides j. One FFT product then adds the newest R 2**m pieces to the
+sums of the next R 2**m steps, which is one square. Every pair is in exactly one square, or in the
+triangle of pairs inside one batch. Pairs in triangles are summed directly.
 """
 
 from dataclasses import dataclass
@@ -26,12 +26,13 @@ class FFT(History):
 
     Error
     -----
-    Rounding: about 1e-16 of the largest weight times the largest increment.
+    Rounding errors, about 1e-16 times the largest weight times the largest increment.
 
     Cost
     ----
-    O(N log(N)**2) for N steps, and 16 N bytes for each component. Faster than `Direct` from about
-    2,000 steps on. `SumOfExponentials` is faster still, to a tolerance (convergence/histories.py).
+    O(N log(N)**2) operations and 16 N bytes for each component, for N steps. `FFT` is faster than
+    `Direct` from about 2,000 steps on. `SumOfExponentials` is faster than `FFT`, with an error up
+    to its tolerance (convergence/histories.py).
 
     Examples
     --------
@@ -46,7 +47,7 @@ class FFT(History):
     takes_kernels: ClassVar[bool] = True
 
     def memory(self, past, n_columns, n_block, span) -> OpenHistory:
-        """Make the memory of a past; see `History.memory`."""
+        """Return a new memory of pieces and of sums for later steps; see `History.memory`."""
         return _Pending(past, n_columns, n_block)
 
 
@@ -61,7 +62,7 @@ class _Pending(OpenHistory):
         super().__init__(exchange_pending, tables, arrays, *convolution.exact(n_block + 2))
 
     def prepare(self, n_end):
-        """Grow arrays and tables to hold steps up to `n_end`."""
+        """Allocate arrays, and compute tables of weights, for steps up to `n_end`."""
         capacity = n_end + self._n_block
         grown = [_grown(getattr(self.arrays, name), capacity) for name in ("pieces", "pending")]
         self.arrays = self.arrays._replace(pieces=grown[0], pending=grown[1])

@@ -1,11 +1,11 @@
-"""The history contract.
+"""The interface of histories, which sum over the past of a run.
 
-A `History` is a description; `open` turns it into an `OpenHistory` that stores the past of a run.
-The past is a sequence of pieces u_m, one for each of W columns. The memory adds ``sum_m W_m u_m``
-over all pieces older than a block to the lag of that block. On uniform steps the weights are
-W_(n-m). On other steps each step has weights of its own, in blocks of one step. The march uses a
-compiled function and plain arrays for this. Between blocks Python may copy, store, restore or
-linearly combine the arrays. All of them are linear in the pieces.
+A `History` is a description; `History.open` returns an `OpenHistory`, which stores the past of one
+run. In each step m every one of W columns has a piece u_m, its increment or the value of f. Before
+a block of steps an `OpenHistory` adds ``sum_m W_m u_m`` over all earlier pieces to the block's lag.
+On uniform steps the weights in step n are W_(n-m). Otherwise a block has one step, and each step
+has weights of its own. The march calls a compiled function with plain arrays for this. All arrays
+are linear in the pieces. Between blocks Python may copy, store, restore or linearly combine them.
 """
 
 from __future__ import annotations
@@ -27,25 +27,26 @@ Past = Convolution | RowSums
 
 
 class OpenHistory(ABC):
-    """The running memory of one march.
+    """The memory of one march, in blocks of B steps, with W columns in C groups of equal terms.
 
     Attributes
     ----------
     exchange : compiled function
-        Of signature `EXCHANGE_SIG`, compiled/signatures.py.
+        Function with the signature `EXCHANGE_SIG` (given/signatures.py), which stores the pieces of
+        a block and adds to the lag of the next one.
     tables : Tables
         Tables that `exchange` reads.
     arrays : Held
         Arrays that `exchange` changes; the march sets `starts`.
     block_weights : ndarray, shape (C, B + 2)
-        The weights W_k as this history sees them, k = 2 .. B + 1, for the sums inside a block: with
-        them a result does not depend on where blocks begin.
-    block_start_weights : ndarray, shape (C, B + 2)
-        The start weights of the first block's steps.
+        The history's approximations of the weights W_k, k = 2 .. B + 1, for sums inside a block.
+        Because sums inside and outside agree, results do not depend on where blocks begin.
+    block_start_weights : ndarray, shape (V C, B + 2)
+        The weights of V start values in the steps of the first block.
     """
 
     n_modes: int = 0
-    # largest relative errors of the sums that stand for kernels other than power laws
+    # largest relative errors of the sums of exponentials that replace kernels, power laws excepted
     kernel_errors: KernelErrors = NO_ERRORS
 
     def __init__(self, exchange, tables, arrays, block_weights, block_start_weights):
@@ -87,7 +88,7 @@ class OpenHistory(ABC):
 
 
 class NoMemory(OpenHistory):
-    """The memory of an equation whose terms are all classical."""
+    """The empty memory of an equation whose terms all have integer orders."""
 
     def __init__(self, n_columns, block_weights, block_start_weights):
         none = exchange_nothing, Tables(), held(n_columns)
@@ -98,12 +99,12 @@ class NoMemory(OpenHistory):
 
 
 class History(ABC):
-    """A way to sum the past; subclasses are final frozen dataclasses, one file each.
+    """A method of summing over the past of a run; subclasses are frozen dataclasses, one per file.
 
     Attributes
     ----------
     takes_kernels : bool
-        Whether terms may have kernels other than Caputo's.
+        Whether terms may have kernels other than power laws.
     takes_varying : bool
         Whether orders may vary.
     takes_meshes : bool
@@ -115,18 +116,18 @@ class History(ABC):
     takes_meshes: ClassVar[bool] = False
 
     def open(self, past: Past, n_columns: int, n_block: int, span: int | Span) -> OpenHistory:
-        """Open a fresh `OpenHistory` for one run.
+        """Return a new, empty `OpenHistory` for one run.
 
         Parameters
         ----------
         past : Convolution or RowSums
-            The sums to make.
+            The sums that the history computes.
         n_columns : int
-            Number of columns W.
+            Number of columns W: components of the orbit and of all tangents.
         n_block : int
-            Steps in a block.
+            Number of steps in a block.
         span : int or Span
-            Steps the run is going to take, or the distances on its mesh.
+            Number of steps that the history must cover, or the range of time lags on a mesh.
         """
         past.check(self)
         if not past.has_memory():
@@ -135,4 +136,4 @@ class History(ABC):
 
     @abstractmethod
     def memory(self, past: Past, n_columns: int, n_block: int, span) -> OpenHistory:
-        """Make the memory of a past that has weights beyond k = 1; see `open`."""
+        """Return a new `OpenHistory` for sums with more than the newest two pieces; see `open`."""

@@ -1,1 +1,1 @@
-"""Schemes, one file each."""
+"""Schemes on given steps, one file for each."""

@@ -1,10 +1,13 @@
 """Adams-type schemes in integral form: predictor-corrector and product trapezoid.
 
-The equation ``c D^alpha x = f`` is written as ``x = x(0) + t x'(0) + J^alpha f / c``, with f a line
-on each step. Then the increments of x weigh the values of f by ``h**alpha / Gamma(alpha+2) / c``
-times W. Here ``W_0 = 1``, ``W_k = G_k - G_(k-1)``, ``G_k = (k+1)**(alpha+1) - 2 k**(alpha+1) +
-(k-1)**(alpha+1)``. In the step to t_(n+1) f_0 has ``A_n - A_(n-1)``, ``A_n = n**(alpha+1) -
-(n-alpha) (n+1)**alpha``.
+The equation ``c D^alpha x = f`` is written as ``x = x(0) + t x'(0) + J^alpha f / c``, J^alpha being
+the fractional integral. On each step f is linear in t. Then each increment of x, less that of
+t x'(0), is a weighted sum of values of f. All weights have the factor
+``h**alpha / Gamma(alpha+2) / c``.
+
+For f_(n+1-k), k steps before the end of the step to t_(n+1), the weight is W_k. Here ``W_0 = 1``,
+``W_k = G_k - G_(k-1)`` and ``G_k = (k+1)**(alpha+1) - 2 k**(alpha+1) + (k-1)**(alpha+1)``. For f_0
+the weight is ``A_n - A_(n-1)`` with ``A_n = n**(alpha+1) - (n-alpha) (n+1)**alpha``.
 """
 
 from dataclasses import dataclass, replace
@@ -25,7 +28,7 @@ from ..watch import QUICK
 
 
 def hat_weights(alpha, n):
-    """Return W_0 .. W_(n-1), differences of moments of t**(alpha-1), without cancellation."""
+    """Return the weights W_0 .. W_(n-1) of values of f, computed without cancellation."""
     weights = np.ones(n)
     g = [1.0, 2 ** (alpha + 1) - 2, 3 ** (alpha + 1) - 2 * 2 ** (alpha + 1) + 1]
     weights[1:3] = np.diff(g)[: n - 1]
@@ -36,7 +39,7 @@ def hat_weights(alpha, n):
 
 
 def start_weights(alpha, n):
-    """Return A_k - A_(k-1) for k = 0 .. n-1, with A_(-1) = 0."""
+    """Return the weights A_k - A_(k-1) of f_0 for k = 0 .. n-1, with A_(-1) = 0."""
     weights = np.full(n, alpha)
     if n > 1:
         weights[1] = 1 - (1 - alpha) * 2**alpha - alpha
@@ -47,11 +50,12 @@ def start_weights(alpha, n):
 
 @lru_cache(maxsize=4)
 def _power_steps(alpha, n):
-    """Return integrals over [k, k+1], k = 2 .. n-1, of differences of powers, (2, n - 2).
+    """Return the integrals that the weights consist of, over [k, k+1] for k = 2 .. n-1, (2, n - 2).
 
-    The integrand ``alpha (alpha+1) (t**(alpha-1) - (t-1)**(alpha-1))`` is multiplied by t - k and
-    by k + 1 - t. Its singularity lies k - 1 steps before the interval. So 16 points leave 5.8**-32
-    at k = 2, six 60**-12 from k = 16 on, and three 1000**-6 from k = 256 on.
+    The integrand ``alpha (alpha+1) (t**(alpha-1) - (t-1)**(alpha-1))`` is multiplied by t - k in
+    the first row, and by k + 1 - t in the second. Its singularity lies k - 1 steps before the
+    interval. Gauss's rule has 16 points below k = 16, six below k = 256, and three beyond. Its
+    errors are 5.8**-32 at k = 2, 60**-12 at k = 16, and 1000**-6 at k = 256.
     """
     found, first = [], 2
     for points, end in ((16, min(n, 16)), (6, min(n, 256)), (3, n)):
@@ -65,7 +69,11 @@ def _power_steps(alpha, n):
 
 
 def _exponent(alpha):
-    """Return the exponent of ``t**(alpha-1)`` below 1, of ``t**(alpha-2)`` above; None at 1."""
+    """Return a of the kernel ``t**-a`` whose sum of exponentials gives the weights.
+
+    The kernel is ``t**(alpha-1)`` for alpha < 1, and ``t**(alpha-2)`` for alpha > 1. At alpha = 1
+    there is no memory, and the result is None.
+    """
     if alpha == 1:
         return None
     return 1 - alpha if alpha < 1 else 2 - alpha
@@ -89,6 +97,7 @@ def _modal_start(alpha, rates, weights, k):
     return _step_share(alpha, rates) * weights * ramp * np.exp(-rates * (k - 1))
 
 
+# Rule of the weights W_k of values of f, and that of the weights of f_0.
 HATS = WeightRule(hat_weights, _exponent, _modal_hat)
 FIRST_VALUE = WeightRule(start_weights, _exponent, _modal_start)
 
@@ -107,12 +116,12 @@ def _weighed(c, operator, h, rule):
 
 
 def _region(system, lead, corrections):
-    """Return the limits of -d f / d y; None if every step is stable.
+    """Return the limits of K = -d f / d y as a `StabilityRegion`; None if every step is stable.
 
-    Sweeps contract only if ``lead K < 1``. This is the limit of stability for an odd number of
-    sweeps and orders up to 1. Otherwise steps are unstable from a smaller K on. Without sweeps the
-    alternating mode leaves the unit circle above order 1 only, at ``lead K = 1 / (4
-    |eta(-1-beta)|)``, eta being Dirichlet's.
+    Corrector sweeps contract only if ``lead K < 1``, and this is the limit returned. It is sharp
+    for an odd number of sweeps and orders up to 1. Otherwise steps become unstable at a smaller K.
+    Without sweeps the alternating mode grows above order 1 only, from
+    ``lead K = 1 / (4 |eta(-1-beta)|)`` on, eta being Dirichlet's function.
     """
     orders = system.highest_orders()[system.sources]
     if corrections:
@@ -130,10 +139,11 @@ def _region(system, lead, corrections):
 
 @dataclass(frozen=True)
 class Adams(Scheme):
-    """Fractional Adams predictor-corrector (PECE), orders in (0, 2], one term a component.
+    """Fractional Adams predictor-corrector (PECE), orders in (0, 2], one term in each component.
 
-    f is a line on each step. On the newest step f is first constant; then it is corrected with its
-    new value, `corrections` times. Explicit. Components may have different orders.
+    On each step f is linear in t. On the newest step the predictor has a constant f. Each
+    correction then uses the new value of f. The scheme is explicit. Components may have different
+    orders.
 
     Parameters
     ----------
@@ -142,18 +152,19 @@ class Adams(Scheme):
 
     Error
     -----
-    O(h**min(2, 1 + (m + 1) alpha)) at a fixed time if f along the solution is smooth. The error of
-    the prediction is O(h**(1+alpha)), and each correction gains h**alpha. O(h**min(2, 1 + alpha))
-    for solutions like t**alpha (convergence/orders.py).
+    At a fixed time the error is O(h**min(2, 1 + (m + 1) alpha)) if f along the solution is smooth.
+    The prediction has an error of O(h**(1+alpha)), and each correction gains a factor h**alpha. For
+    solutions like t**alpha the error is O(h**min(2, 1 + alpha)) (convergence/orders.py).
 
     Stability
     ---------
-    Conditional. For ``D^alpha y = -K y`` with one correction K h**alpha must be below Gamma(alpha +
-    2), 1.02 to 2, for orders up to 1. Above order 1 the limit is about 1.5 to 2.5, and at order 2
-    the solution grows slowly with any step (docs/stability.md). Beyond the limit the solution grows
-    or, with a force that saturates, stays bounded and wrong. `solve` checks along the orbit whether
-    corrections contract, K h**alpha < Gamma(alpha + 2), and whether increments grow while they turn
-    within a few steps.
+    Conditional. Consider ``D^alpha y = -K y`` with one correction. For orders up to 1 K h**alpha
+    must be below Gamma(alpha + 2), which is 1.02 to 2. Above order 1 the limit is about 1.5 to 2.5.
+    At order 2 the solution grows slowly with any step (docs/stability.md).
+
+    Beyond the limit the solution grows or, with a force that saturates, stays bounded and wrong.
+    `solve` checks along the orbit whether corrections contract, K h**alpha < Gamma(alpha + 2). It
+    also checks whether increments grow while their sign changes every few steps.
 
     Source
     ------
@@ -198,19 +209,20 @@ class Adams(Scheme):
 class ProductTrapezoid(Scheme):
     """The product trapezoidal rule, the implicit form of `Adams`.
 
-    f is a line on each step, and Newton's method finds the new value. Orders are in (0, 2], with
-    one term in each component. Components may have different orders.
+    On each step f is linear in t, and Newton's method finds its new value. Orders are in (0, 2],
+    with one term in each component. Components may have different orders.
 
     Error
     -----
-    O(h**2) at a fixed time if f along the solution is smooth; O(h**min(2, 1 + alpha)) for solutions
-    like t**alpha (convergence/orders.py).
+    At a fixed time the error is O(h**2) if f along the solution is smooth. For solutions like
+    t**alpha it is O(h**min(2, 1 + alpha)) (convergence/orders.py).
 
     Stability
     ---------
     No step limit for orders up to 1. Above order 1, for ``D^beta y = -K y``, K h**beta must be
-    below ``Gamma(beta + 2) / (4 |eta(-1-beta)|)``: 50 at 1.05, 9.3 at 1.6, 12 at 2
-    (docs/stability.md). `solve` checks this limit along the orbit.
+    below ``Gamma(beta + 2) / (4 |eta(-1-beta)|)``, eta being Dirichlet's function. This is 50 for
+    beta = 1.05, 9.3 for 1.6, and 12 for 2 (docs/stability.md). `solve` checks this limit along the
+    orbit.
 
     Source
     ------

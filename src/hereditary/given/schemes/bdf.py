@@ -1,8 +1,9 @@
 """Convolution quadrature by backward difference formulas.
 
-With ``delta(z) = sum_(k=1)^p (1-z)**k / k`` the derivative of order alpha of x - x(0) - t x'(0) is
-the power series of ``(delta(z) / h)**alpha`` applied to its samples. Applied to their increments it
-is ``h**-alpha sum_k W_k w_(n-k)`` with the coefficients W of ``delta(z)**alpha / (1 - z)``.
+Let ``delta(z) = sum_(k=1)^p (1-z)**k / k``. The power series of ``(delta(z) / h)**alpha`` acts on
+the samples of x - x(0) - t x'(0) and approximates the derivative of order alpha. In terms of
+increments w it is ``h**-alpha sum_k W_k w_(n-k)``, where W_k are the coefficients of
+``delta(z)**alpha / (1 - z)``.
 """
 
 from dataclasses import dataclass
@@ -21,8 +22,9 @@ from ..uniform_plan import uniform_plan
 # Index k from which on weights are sums of exponentials to 1e-11, for orders 1 to 6. The parasitic
 # roots of delta have decayed there: they are powers k of 0, 1/3, 0.43, 0.56, 0.71, 0.86.
 _FIRST_MODAL = (20, 26, 33, 48, 81, 189)
-# Largest order for which an undamped oscillation stays inside the formula's sector of stability:
-# pi / (pi - theta) with theta = 90, 90, 86.03, 73.35, 51.84, 17.84 degrees.
+# Largest order of an equation, for p = 1 to 6. Up to this order an undamped oscillation stays
+# inside the formula's sector of stability. The order is pi / (pi - theta), where the sector has
+# theta = 90, 90, 86.03, 73.35, 51.84, 17.84 degrees.
 _LARGEST_ORDER = (2.0, 2.0, 1.9156, 1.6878, 1.4045, 1.1100)
 
 
@@ -30,20 +32,22 @@ _LARGEST_ORDER = (2.0, 2.0, 1.9156, 1.6878, 1.4045, 1.1100)
 class BDF(Scheme):
     """Convolution quadrature by the backward difference formula of order 1 to 6.
 
-    Implicit; any number of terms and components, orders in (0, 2]. The first order - 1 steps are
-    corrected with the right-hand side and its time derivatives at 0. This restores the full order
-    for solutions that start like t**alpha without badly conditioned starting weights.
+    The scheme is implicit, for any number of terms and components with orders in (0, 2]. The first
+    p - 1 steps of the formula of order p are corrected with the right-hand side and its time
+    derivatives at 0. This restores the full order for solutions that start like t**alpha. No badly
+    conditioned starting weights are needed.
 
     Parameters
     ----------
     order : int
-        p, 1 to 6.
+        Order p of the formula, 1 to 6.
 
     Error
     -----
-    O(h**p) at a fixed time if f(t, x(0) + t x'(0)) is smooth and f linear in x. This holds also for
-    solutions like t**alpha, with lower terms, and for any x'(0). Otherwise less: a part t**mu of f
-    has an error of O(h**(1+mu)), with mu = 2 alpha for nonlinear f (convergence/orders.py).
+    At a fixed time the error is O(h**p) if f(t, x(0) + t x'(0)) is smooth and f is linear in x.
+    This includes solutions like t**alpha, equations with lower terms, and any x'(0). Otherwise a
+    part t**mu of f along the solution causes an error of O(h**(1+mu)). For nonlinear f mu is
+    2 alpha (convergence/orders.py).
 
     Stability
     ---------
@@ -75,7 +79,7 @@ class BDF(Scheme):
 
     @property
     def orders(self) -> tuple[float, float]:
-        """Orders at which the formula is stable."""
+        """Highest orders (low, high] of equations for which the formula is stable."""
         return 0.0, _LARGEST_ORDER[self.formula - 1]
 
     def order(self, alpha: float, smoothness: str = "smooth") -> float:
@@ -108,7 +112,7 @@ class BDF(Scheme):
             first_modal=_FIRST_MODAL[p - 1],
             corrections=corrections,
             drift=drift,
-            lasting=drift is not None,  # with a drift of its own the first steps are many
+            lasting=drift is not None,  # corrections of the drift extend over _N_EARLY steps
         )
 
 
@@ -119,19 +123,19 @@ def weighed_by_power(c, operator, h, rule):
 
 @lru_cache(maxsize=8)
 def quadrature_weights(p):
-    """Return the rule of the coefficients of ``delta(z)**alpha / (1 - z)``."""
+    """Return the rule whose weights are the coefficients of ``delta(z)**alpha / (1 - z)``."""
     return WeightRule(partial(_exact, p), exponent, partial(_modal, p))
 
 
 def _exact(p, alpha, n):
-    """Return coefficients of ``(1-z)**(alpha-1) (sum_(k=1)^p (1-z)**(k-1) / k)**alpha``."""
+    """Return n coefficients of ``(1-z)**(alpha-1) (sum_(k=1)^p (1-z)**(k-1) / k)**alpha``."""
     factor = _shifted_power_sum(p)
     return series_of_power(factor, float(alpha), n)
 
 
 @lru_cache(maxsize=8)
 def _shifted_power_sum(p):
-    """Return coefficients in z of ``sum_(k=1)^p (1-z)**(k-1) / k``."""
+    """Return the coefficients of the polynomial ``sum_(k=1)^p (1-z)**(k-1) / k`` in z."""
     total = np.polynomial.Polynomial([0.0])
     for k in range(1, p + 1):
         total = total + np.polynomial.Polynomial([1.0, -1.0]) ** (k - 1) / k
@@ -139,12 +143,15 @@ def _shifted_power_sum(p):
 
 
 def exponent(alpha):
-    """Return the kernel ``t**-alpha``; integer orders have no memory beyond 2 p steps."""
+    """Return a of the kernel ``t**-a`` behind the weights: alpha, or None for integer orders.
+
+    Integer orders have no memory beyond 2 p steps.
+    """
     return None if alpha in (1.0, 2.0) else alpha
 
 
 def _modal(p, alpha, rates, weights, k):
-    """Return shares of W_k, the integral of its generating function along its cut.
+    """Return the contributions to W_k of modes, which are summands of the kernel t**-alpha.
 
     ``W_k = sin(pi alpha)/pi int exp(-k s) |delta(e**s)|**alpha / (e**s - 1) ds`` over the rates
     below the first zero of delta(e**s). Rates that have decayed at `_FIRST_MODAL`, to exp(-45) =
@@ -168,7 +175,7 @@ _N_LATE = 3
 
 
 def _formed_drift(system, h, p):
-    """Return the error of the formula for t y'(0) in the terms of order below 1.
+    """Return the error of the formula for t y'(0) in terms of order gamma below 1.
 
     These terms have parts ``t**(1-gamma)``, for which the sums alone have order 2 - gamma. Return
     the first values (k, d), and the amplitudes and powers of the later error (r, d); None without
@@ -197,10 +204,11 @@ def _formed_drift(system, h, p):
 def drift_defect(p, gamma):
     """Return the derivative of order gamma of t by the formula minus the exact one, for steps of 1.
 
-    The start-corrected samples of t, ``n + b_n`` with the b of `start_coefficients`, have the
-    generating function ``delta**-2`` up to ``(1-z)**p``. So the formula gives ``q_n = sum_k W_k (1
-    + b_(n-k) - b_(n-k-1))``, and ``q_n - n**(1-gamma) / Gamma(2-gamma)`` is expanded in powers from
-    ``n**(1-gamma-p)`` on, like ``delta(exp(-s))**(gamma-2)`` times that series in powers of s.
+    The samples of t with start corrections are ``n + b_n``, b being `start_coefficients`. Their
+    generating function is ``delta**-2`` up to ``(1-z)**p``. From them the formula computes
+    ``q_n = sum_k W_k (1 + b_(n-k) - b_(n-k-1))``. The difference
+    ``q_n - n**(1-gamma) / Gamma(2-gamma)`` is expanded in powers from ``n**(1-gamma-p)`` on. The
+    coefficients follow from a series in s: the generating function of q_n at z = exp(-s).
 
     Returns
     -------
@@ -220,7 +228,7 @@ def drift_defect(p, gamma):
     z = np.append(1.0, -x[:-1])
     delta = sum(_product(_power(x, k), np.eye(size)[k - 1]) / k for k in range(1, p + 1))
     start = sum((b_k * _power(z, k) for k, b_k in enumerate(b, 1)), np.zeros(size))
-    # delta**(gamma-2) (delta**2 (z / (1-z)**2 + b)) in s**(gamma-2)
+    # series in s of delta**(gamma-2) (delta**2 (z / (1-z)**2 + b)), without the factor s**(gamma-2)
     ratio = _product(_power(delta, 2), _product(z, _real_power(x, -2)))
     ratio += _product(_power(delta, 2), _product(np.eye(size)[2], start))
     total = _product(ratio, _real_power(delta, gamma - 2))
@@ -232,12 +240,12 @@ def drift_defect(p, gamma):
 
 
 def _product(a, b):
-    """Return the product of two power series."""
+    """Return the product of two power series, with as many coefficients as the first one has."""
     return np.convolve(a, b)[: a.size]
 
 
 def _power(a, k):
-    """Return a whole power of a power series."""
+    """Return the k-th power of a power series, k = 0, 1, 2, .., with as many coefficients."""
     total = np.eye(a.size)[0]
     for _ in range(k):
         total = _product(total, a)
@@ -245,7 +253,7 @@ def _power(a, k):
 
 
 def _real_power(a, exponent):
-    """Return any power of a power series with a_0 = 1."""
+    """Return a real power of a power series with a_0 = 1, with as many coefficients."""
     power = np.eye(a.size)[0]
     for n in range(1, a.size):
         k = np.arange(1, n + 1)
@@ -279,7 +287,7 @@ def _start_corrections(system, h, p):
 
 @lru_cache(maxsize=32)
 def start_coefficients(p, order):
-    """Return b_(l,n), n = 1 .. p-1, for l = order (a_n for l = 0).
+    """Return the coefficients b_(l,n) of start corrections, n = 1 .. p-1, for l = `order`.
 
     They satisfy ``delta(z)**(l+1) (sum_n n**l z**n / l! + sum_n b_n z**n) = 1 + O((1-z)**p)``. Then
     the formula integrates t**l / l! with its full order. In x = 1 - z both sides are polynomials.

@@ -39,24 +39,25 @@ class ExplicitCaputo(Scheme):
 
     Here ``A = h**-beta / Gamma(3 - beta)``, ``a_k = (k+1)**(2-beta) - k**(2-beta)``,
     ``B = lambda h**-gamma / Gamma(2 - gamma)``, ``b_k = (k+1)**(1-gamma) - k**(1-gamma)`` and
-    ``x_1 = x_0 + h x'(0)``. Any number of terms with orders in (0, 2] and any number of components.
-    Equations of order up to 1 use the same sums from ``x_1 - x_0`` on. At beta = 2, gamma = 1 it is
-    the classical difference scheme. If orders vary, the orders at t_n give all weights of a step.
+    ``x_1 = x_0 + h x'(0)``. The scheme takes any number of terms, with orders in (0, 2], and any
+    number of components. Equations of order up to 1 use the same sums from ``x_1 - x_0`` on. At
+    beta = 2, gamma = 1 it is the classical difference scheme. If orders vary, the orders at t_n
+    give all weights of a step.
 
     Error
     -----
-    O(h) at a fixed t > 0 for f smooth in its arguments, plus terms in h**(3-beta) and h**(2-gamma)
-    (convergence/explicit_order.py; varying orders: convergence/varying_orders.py).
+    At a fixed t > 0 the error is O(h) plus terms in h**(3-beta) and h**(2-gamma). This holds for f
+    smooth in its arguments (convergence/explicit_order.py, convergence/varying_orders.py).
 
     Stability
     ---------
-    Conditional, with the sharp limit `step_limit`. Beyond the limit an orbit need not overflow: it
-    can zigzag from step to step, bounded and wrong. `solve` compares the limit with the Jacobian
-    along the orbit, and checks every step for a zigzag and for growth.
+    Conditional, with the sharp limit `step_limit`. Beyond the limit an orbit need not overflow. It
+    can zigzag from step to step, bounded and wrong. `solve` compares the Jacobian along the orbit
+    with the limit. It also checks the increments of every step for a zigzag and for growth.
 
     Cost
     ----
-    A step takes one evaluation of the right-hand side, and the time of the history.
+    A step takes one evaluation of the right-hand side, and one sum by the history.
 
     Source
     ------
@@ -96,16 +97,17 @@ class ExplicitCaputo(Scheme):
         Parameters
         ----------
         equation : Equation
-            Its terms set the limit; every component is taken on its own.
+            Its terms determine the limit of each component; the smallest limit counts.
         stiffness : float
             omega**2 in ``D^beta x + ... = -omega**2 x``, above 0 [1/time**order].
 
         Returns
         -------
         float
-            The h at which ``sum_j c_j h**-alpha_j s_j = stiffness``; sharp: bounded below, zigzag
-            above. Here s_j = 8 eta(beta-2) / Gamma(3-beta) for beta in (1, 2], and 4 eta(gamma-1) /
-            Gamma(2-gamma) for gamma in (0, 1], eta being Dirichlet's.
+            The h at which ``sum_j c_j h**-alpha_j s_j = stiffness``. The limit is sharp: solutions
+            are bounded for smaller h and zigzag for larger h. For beta in (1, 2] s_j is
+            8 eta(beta-2) / Gamma(3-beta). For gamma in (0, 1] it is
+            4 eta(gamma-1) / Gamma(2-gamma), eta being Dirichlet's function.
 
         Examples
         --------
@@ -121,7 +123,7 @@ class ExplicitCaputo(Scheme):
         return largest_step(lambda h: self._limits(system, h)[: system.n_solved], stiffness)
 
     def _limits(self, system, h):
-        """Return the stiffness (d,) at which the alternating mode leaves the unit circle."""
+        """Return the stiffness (d,) above which x_n = (-1)**n grows, for steps h."""
         distinct, groups = system.distinct
         limits = np.zeros(len(distinct))
         for i, key in enumerate(distinct):

@@ -1,8 +1,9 @@
 """The explicit Grünwald-Letnikov scheme.
 
-With increments ``y_n = x_(n+1) - x_n`` the power series of ``((1-z)/h)**alpha``, applied to x -
-x(0), gives ``h**-alpha sum_k W_k y_(n-k)`` with the coefficients W of ``(1-z)**(alpha-1)``. Above
-order 1 t x'(0) is taken away as well, which the sums S of the W weigh: ``h**-alpha S_n h x'(0)``.
+The power series of ``((1-z)/h)**alpha`` acts on samples of x - x(0). In terms of increments
+``y_n = x_(n+1) - x_n`` this is ``h**-alpha sum_k W_k y_(n-k)``, where W_k are the coefficients of
+``(1-z)**(alpha-1)``. Above order 1 the series acts on x - x(0) - t x'(0). This subtracts
+``h**-alpha S_n h x'(0)``, where S_n is the sum of W_0 to W_n.
 """
 
 from dataclasses import dataclass
@@ -36,10 +37,10 @@ class GrunwaldLetnikov(Scheme):
         h^{-\alpha} \sum_{k=0}^{n+1} (-1)^k \binom{\alpha}{k}
         \left( x_{n+1-k} - x(0) - (n+1-k) h x'(0) \right) = f(t_n, x_n)
 
-    The implicit form, with the right-hand side at t_(n+1), is ``BDF(1)``; it also has the exact
-    derivatives of t x'(0) in lower terms. At order 1 the scheme is Euler's method. At order 2 it is
-    the classical difference scheme with ``x_1 = x(0) + h x'(0) + h**2 f(0, x(0))``. Any number of
-    terms and components.
+    The implicit form, with the right-hand side at t_(n+1), is ``BDF(1)``. In lower terms ``BDF(1)``
+    has exact derivatives of t x'(0). At order 1 the scheme is Euler's method. At order 2 it is the
+    classical difference scheme with ``x_1 = x(0) + h x'(0) + h**2 f(0, x(0))``. The scheme takes
+    any number of terms and components.
 
     Parameters
     ----------
@@ -50,16 +51,18 @@ class GrunwaldLetnikov(Scheme):
 
     Error
     -----
-    O(h) at a fixed t > 0, for smooth solutions and for solutions like t**alpha. O(h**2) for one
-    term of order 2 if x''(0) = 0 (convergence/orders.py, tests/schemes/test_grunwald_letnikov.py).
+    At a fixed t > 0 the error is O(h), for smooth solutions and for solutions like t**alpha. For
+    one term of order 2 it is O(h**2) if x''(0) = 0 (convergence/orders.py,
+    tests/schemes/test_grunwald_letnikov.py).
 
     Stability
     ---------
-    Conditional, with the sharp limit `step_limit`. `solve` checks it as for `ExplicitCaputo`.
+    Conditional, with the sharp limit `step_limit`. `solve` checks the limit as it does for
+    `ExplicitCaputo`.
 
     Cost
     ----
-    A step takes one evaluation of the right-hand side, and the time of the history.
+    A step takes one evaluation of the right-hand side, and one sum by the history.
 
     Source
     ------
@@ -92,7 +95,7 @@ class GrunwaldLetnikov(Scheme):
         return self.map
 
     def order(self, alpha: float, smoothness: str = "smooth") -> float:
-        """Order of convergence at a fixed time: 1 for every alpha in (0, 2].
+        """Return the order of convergence at a fixed time: 1 for every alpha in (0, 2].
 
         Parameters
         ----------
@@ -111,15 +114,15 @@ class GrunwaldLetnikov(Scheme):
         Parameters
         ----------
         equation : Equation
-            Its terms set the limit; every component is taken on its own.
+            Its terms determine the limit of each component; the smallest limit counts.
         stiffness : float
             K in ``D^alpha x + ... = -K x``, above 0 [1/time**order].
 
         Returns
         -------
         float
-            The h at which ``sum_j c_j (2/h)**alpha_j = stiffness``; sharp: bounded below, zigzag
-            above.
+            The h at which ``sum_j c_j (2/h)**alpha_j = stiffness``. The limit is sharp: solutions
+            are bounded for smaller h and zigzag for larger h.
 
         Examples
         --------
@@ -134,7 +137,7 @@ class GrunwaldLetnikov(Scheme):
         return largest_step(lambda h: self._limits(system, h)[: system.n_solved], stiffness)
 
     def _limits(self, system, h):
-        """Return the stiffness (d,) at which the alternating mode leaves the unit circle."""
+        """Return the stiffness (d,) above which x_n = (-1)**n grows, for steps h."""
         distinct, groups = system.distinct
         limits = [sum(c * (2 / h) ** op.order for c, op in key) for key in distinct]
         return np.array(limits)[groups]
@@ -142,7 +145,7 @@ class GrunwaldLetnikov(Scheme):
     def plan(self, system: System, h: float) -> Plan:
         """Return tables and convolution for `system` with step h."""
         starts: list = [(None, 0.0)]
-        if system.m == 2:  # the second start value of a march is there from the first step on
+        if system.m == 2:  # h x'(0) is the second start value: the first one does not act in step 0
             start = np.where(system.highest_orders() > 1, h * system.y0[1], 0.0)
             starts.append((partial(weighed_by_power, h=h, rule=SPEED), start))
         return uniform_plan(
@@ -158,7 +161,10 @@ class GrunwaldLetnikov(Scheme):
 
 
 def _modal(alpha, rates, weights, k):
-    """Return shares of ``W_k = sin(pi alpha)/pi int exp(-k s) (exp(s) - 1)**(alpha-1) ds``."""
+    """Return the contributions to W_k of modes, which are summands of the kernel t**-alpha.
+
+    ``W_k = sin(pi alpha)/pi int exp(-k s) (exp(s) - 1)**(alpha-1) ds``
+    """
     shares = weights * rgamma(1 - alpha) * mean_exponential(rates) ** (alpha - 1)
     return shares * np.exp(-rates * (k + 1 - alpha))
 
@@ -183,7 +189,7 @@ def _modal_speed(alpha, rates, weights, k):
 
 
 _SERIES = quadrature_weights(1)
-# The weights W_k of increments, and those of h x'(0).
+# Rule of the weights W_k of increments, and rule of the weights of h x'(0).
 POWER_SERIES = WeightRule(_SERIES.exact, exponent, _modal)
 SPEED = WeightRule(_speed, _speed_exponent, _modal_speed)
 

@@ -19,33 +19,36 @@ from ..weights import FIRST_DIFFERENCES, by_rule, value_weights, weighed
 class L1(Scheme):
     r"""The L1 scheme, in its half-step form for orders above 1.
 
-    Orders in (0, 1]: the solution is a line on each step, and the equation holds at t_n, with
-    ``b_k = (k+1)**(1-alpha) - k**(1-alpha)`` in
+    For orders in (0, 1] the solution is linear on each step, and the equation holds at t_n. With
+    ``b_k = (k+1)**(1-alpha) - k**(1-alpha)`` the derivative is
 
     .. math::
 
         D^\alpha x(t_n) = \frac{h^{-\alpha}}{\Gamma(2 - \alpha)}
         \sum_{k=0}^{n-1} b_k (x_{n-k} - x_{n-k-1})
 
-    If any order is in (1, 2], the velocities ``v_(k+1/2) = (x_(k+1) - x_k) / h`` are lines instead,
-    with ``a_k = (k+1)**(2-beta) - k**(2-beta)`` in
+    If any order is in (1, 2], the velocity is linear between the middles of steps, where it is
+    ``v_(k+1/2) = (x_(k+1) - x_k) / h``. With ``a_k = (k+1)**(2-beta) - k**(2-beta)`` the derivative
+    of order beta is
 
     .. math::
 
         D^\beta x(t_{n+1/2}) = \frac{h^{1-\beta}}{\Gamma(3 - \beta)} \left( v_{n+1/2}
         - \sum_{k=1}^n (a_{k-1} - a_k) v_{n+1/2-k} - a_n x'(0) \right)
 
-    Lower orders are also evaluated at t_n + h/2, and the equation holds there with
-    ``x = (x_n + x_(n+1)) / 2``. Implicit: Newton's method with the equation's Jacobian or
-    differences. Any number of terms and components. If orders vary, the orders at the time of the
-    equation give all weights of a step.
+    Terms of lower order are also evaluated at t_n + h/2, and the equation holds there with
+    ``x = (x_n + x_(n+1)) / 2``. The scheme is implicit: Newton's method uses the equation's
+    Jacobian, or differences of f. It takes any number of terms and components. If orders vary, the
+    orders at the time of the equation give all weights of a step.
 
     Error
     -----
-    Orders up to 1: O(h**(2-alpha)) for smooth solutions. For solutions like t**alpha, O(h) at a
-    fixed time on uniform steps, and O(n**-min(r alpha, 2-alpha)) at all times on the mesh
-    ``graded(n, r)``. Orders above 1: O(h**(3-beta)), and O(n**-(3-beta)) at all times on
-    ``graded(n, 3)`` (convergence/orders.py, convergence/graded_meshes.py,
+    For orders up to 1 and smooth solutions the error is O(h**(2-alpha)). For solutions like
+    t**alpha it is O(h) at a fixed time on uniform steps. On the mesh ``graded(n, r)`` it is
+    O(n**-min(r alpha, 2-alpha)) at all times.
+
+    For orders above 1 the error is O(h**(3-beta)). On the mesh ``graded(n, 3)`` it is
+    O(n**-(3-beta)) at all times (convergence/orders.py, convergence/graded_meshes.py,
     tests/schemes/test_schemes.py). If orders vary, their largest value counts
     (convergence/varying_orders.py).
 
@@ -118,7 +121,7 @@ def _speed_weights(c, operator, h):
 
 
 def _remembers(system, derivative):
-    """Return whether the kernel of a general term acts on this derivative of y."""
+    """Return whether a term has a general kernel that acts on this derivative of y (0 or 1)."""
     return any(
         operator.kernel is not None and operator.derivative == derivative and np.any(c)
         for operator, c in system.left

@@ -1,4 +1,4 @@
-"""The L1-2 scheme: each parabola also uses the interval before."""
+"""The L1-2 scheme: on each step a parabola that also passes through the value one step earlier."""
 
 from dataclasses import dataclass
 from functools import partial
@@ -17,23 +17,23 @@ from ..weights import FIRST_DIFFERENCES, by_rule, parabola_start
 class L12(Scheme):
     """The L1-2 scheme of order 3 - alpha, for orders in (0, 1].
 
-    On the first step the solution is a line. On every later step it is the parabola through the
-    ends of the step and the value before; `L2` uses the value after. The equation holds at t_n. At
-    alpha = 1 this is the second backward difference formula, started by one step of Euler's
-    backward method. Implicit: Newton's method with the equation's Jacobian or differences. Any
-    number of terms and components.
+    On the first step the solution is linear. On every later step it is the parabola through both
+    ends of the step and the value one step earlier. (`L2` uses the value one step later.) The
+    equation holds at t_n. At alpha = 1 this is the second backward difference formula, started by
+    one step of Euler's backward method. The scheme is implicit: Newton's method uses the equation's
+    Jacobian, or differences of f. It takes any number of terms and components.
 
     Error
     -----
-    O(h**(3-alpha)) at a fixed time for smooth solutions. Next to 0 the line of the first step has
-    an error of O(h**2), unless x''(0) = 0. O(h) at a fixed time for solutions like t**alpha,
-    alpha < 1 (convergence/orders.py).
+    At a fixed time the error is O(h**(3-alpha)) for smooth solutions. Next to 0 the linear first
+    step causes an error of O(h**2), unless x''(0) = 0. For solutions like t**alpha, alpha < 1, the
+    error at a fixed time is O(h) (convergence/orders.py).
 
     Stability
     ---------
     No step limit was found for orders from 0.1 to 1. Solutions of ``D^alpha y = -K y`` and undamped
-    rotations do not exceed their start for K h**alpha up to 1e6. On the unit circle the argument of
-    the formula's symbol is below ``alpha pi / 2`` + 0.6 degrees.
+    rotations do not exceed their initial values for K h**alpha up to 1e6. On the unit circle the
+    argument of the scheme's generating function is below ``alpha pi / 2`` + 0.6 degrees.
 
     Source
     ------
@@ -50,15 +50,15 @@ class L12(Scheme):
     orders = (0.0, 1.0)
 
     def order(self, alpha: float, smoothness: str = "smooth") -> float:
-        """Order of convergence at a fixed time.
+        """Return the order of convergence at a fixed time.
 
         Parameters
         ----------
         alpha : float
             Highest order of the equation, 0 < alpha <= 1 [-].
         smoothness : {"smooth", "singular"}
-            Whether the solution is smooth at 0 or behaves like t**alpha there, which at alpha = 1
-            is smooth as well.
+            Whether the solution is smooth at 0 or behaves like t**alpha there. At alpha = 1 both
+            are smooth.
         """
         alpha = within("alpha", alpha, 5e-324, 1.0, "(0, 1]", "use L1 for orders above 1")
         check_smoothness(smoothness)
@@ -72,7 +72,7 @@ class L12(Scheme):
         return uniform_plan(system, h, 1.0, weighed, starts=[(start, 0.0)])
 
 
-# -m_(k+1) with m_k = int K(t) (k + 1/2 - t) dt over [k, k+1]
+# Rule of the weights -m_(k+1), with m_k = int K(t) (k + 1/2 - t) dt over [k, k+1].
 _NEXT_MOMENT = parabola_start(1.0)
 
 
@@ -85,7 +85,9 @@ def _backward(kernel, n):
     return FIRST_DIFFERENCES.exact(kernel, n) - np.diff(_lacking(kernel, n), prepend=0.0)
 
 
-# Weights by backward parabolas: b_k + m_k - m_(k-1).
+# Rule of increments' weights for parabolas through the value before: b_k + m_k - m_(k-1). Here b_k
+# is the integral of the kernel K over [k, k+1], and m_k that of (k + 1/2 - t) K(t).
 BACKWARD_PARABOLAS = WeightRule(_backward)
-# Correction for the first interval, which has no interval before it: -m_k.
+# Rule of the corrections -m_k for the first increment, whose interval has no parabola. Here m_k is
+# the integral of (k + 1/2 - t) K(t) over [k, k+1].
 BACKWARD_START = WeightRule(_lacking)

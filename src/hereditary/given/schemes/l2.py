@@ -17,19 +17,21 @@ from ..uniform_plan import parabola_plan
 class L2(Scheme):
     """The L2 scheme of order 3 - alpha, for orders in (0, 1].
 
-    On every step but the last the solution is the parabola through the ends of the step and the
-    next value. On the last step it is the parabola through its ends and the value before. The
-    equation holds at t_n. The first step is solved with a line. At alpha = 1 this is the second
-    backward difference formula, started by one step of Euler's backward method. Implicit: Newton's
-    method with the equation's Jacobian or differences. Any number of terms and components.
+    On every step but the newest the solution is the parabola through both ends of the step and the
+    value one step later. On the newest step it is the parabola through both ends and the value one
+    step earlier. The equation holds at t_n. The first step is solved with a linear solution. At
+    alpha = 1 this is the second backward difference formula, started by one step of Euler's
+    backward method. The scheme is implicit: Newton's method uses the equation's Jacobian, or
+    differences of f. It takes any number of terms and components.
 
     Error
     -----
-    O(h**(3-alpha)) at a fixed time for smooth solutions. Next to 0 the line of the first step has
-    an error of O(h**2), unless x''(0) = 0. O(h) at a fixed time for solutions like t**alpha on
-    uniform steps; O(n**-min(r alpha, 3-alpha)) at all times on the mesh ``graded(n, r)``. A step
-    more than thirty times as long as the one before gets a line, because a parabola would amplify
-    earlier errors (convergence/orders.py, convergence/graded_meshes.py).
+    At a fixed time the error is O(h**(3-alpha)) for smooth solutions. Next to 0 the linear first
+    step causes an error of O(h**2), unless x''(0) = 0. For solutions like t**alpha the error is
+    O(h) at a fixed time on uniform steps. On the mesh ``graded(n, r)`` it is
+    O(n**-min(r alpha, 3-alpha)) at all times. On a step more than thirty times as long as the step
+    before the solution is linear. A parabola would amplify earlier errors (convergence/orders.py,
+    convergence/graded_meshes.py).
 
     Stability
     ---------

@@ -20,19 +20,21 @@ class L2Sigma(Scheme):
     """Alikhanov's second-order scheme, for orders in (0, 2].
 
     The equation holds at t_n + sigma h with x = x_n + sigma (x_(n+1) - x_n). On every earlier step
-    the solution is the parabola through its ends and the next value, on the last one a line. The
-    error of the line cancels if sigma = 1 - alpha/2 for one term. For several terms sigma is the
-    root of ``sum_j c_j h**(2-alpha_j) / Gamma(3-alpha_j) sigma**(1-alpha_j)
-    (sigma - 1 + alpha_j/2)``. At alpha = 1 the scheme is the implicit midpoint rule. Any number of
-    components, all with the same terms. One term of order beta in (1, 2] becomes two equations of
-    order beta/2
-    (given/schemes/reduction.py), which are solved together.
+    the solution is the parabola through both ends of the step and the value one step later. On the
+    newest step it is linear. The error of the linear step cancels if sigma = 1 - alpha/2 for one
+    term. For several terms sigma is the root of ``sum_j c_j h**(2-alpha_j) / Gamma(3-alpha_j)
+    sigma**(1-alpha_j) (sigma - 1 + alpha_j/2)``. At alpha = 1 the scheme is the implicit midpoint
+    rule.
+
+    The scheme takes any number of components, all with the same terms. One term of order beta in
+    (1, 2] becomes two equations of order beta/2, which are solved together
+    (given/schemes/reduction.py).
 
     Error
     -----
-    O(h**2) for smooth solutions. O(h) at a fixed time for solutions like t**alpha on uniform steps;
-    O(n**-min(r alpha, 2)) at all times on the mesh ``graded(n, r)``. Above order 1 alpha is beta/2
-    here (convergence/orders.py, convergence/graded_meshes.py).
+    For smooth solutions the error is O(h**2). For solutions like t**alpha it is O(h) at a fixed
+    time on uniform steps. On the mesh ``graded(n, r)`` it is O(n**-min(r alpha, 2)) at all times.
+    Above order 1 alpha is beta/2 here (convergence/orders.py, convergence/graded_meshes.py).
 
     Stability
     ---------

@@ -1,9 +1,9 @@
 """Symmetric order reduction: order beta in (1, 2] as two equations of order beta/2.
 
 With ``z = x - x(0) - t x'(0)`` and ``w = c D^(beta/2) z`` the equation ``c D^beta x = f(t, x)``
-becomes ``D^(beta/2) z = w / c``, ``D^(beta/2) w = f(t, x)``, with z(0) = w(0) = 0. Marches remember
-increments without t x'(0), so they take x itself for z, with the initial values of x.
-Source: [LyuVong2022].
+becomes ``D^(beta/2) z = w / c``, ``D^(beta/2) w = f(t, x)``, with z(0) = w(0) = 0. The increments
+that a march stores leave out t x'(0). So the first equation is written for x instead of z, with the
+initial values of x. Source: [LyuVong2022].
 """
 
 import numpy as np
