@@ -405,4 +405,39 @@ SCHEMES = [
     (lambda: hd.SumOfExponentials(tolerance=1e-8), TypeError, "unexpected keyword"),
 ]  # fmt: skip
 
-ROWS = [*STEPS_GIVEN, *STEPS_THAT_ADAPT, *EVENTS, *RESUMED, *SCHEMES]
+
+def mixed(c):
+    """D^0.9 y + c D^0.4 y = -y."""
+    return hd.Equation(hd.Caputo(0.9) + c * hd.Caputo(0.4), lambda t, y: -y, 1.0)
+
+
+def resting():
+    return hd.Equation(hd.Caputo(0.5), lambda t, y: 0 * y, 1.0)
+
+
+NARROW = hd.Kernel.from_table([1.0, 2.0, 3.0, 4.0, 5.0], [5.0, 4.0, 3.0, 2.0, 1.0])
+OF_ONE_PART = [
+    (lambda: hd.derivative(np.ones((2, 2)), np.ones(4), hd.Caputo(0.5)),
+     ValueError, r"t must have shape \(n,\), got shape \(2, 2\)"),
+    (lambda: hd.derivative([0.0, 1.0], np.sin, hd.Caputo(0.5), scheme=hd.L1()),
+     TypeError, "scheme must be left out for a function"),
+    (lambda: hd.derivative([0.0, 1.0], lambda t: np.ones((2, 2, 2)), hd.Caputo(0.5)),
+     ValueError, r"y must return shape \(k,\) or \(k, d\)"),
+    (lambda: hd.Delay(1.0, past="warm"), TypeError, "past must be numbers or a function of t"),
+    (lambda: hd.frequency_response(mixed(1.0).replace(t_start=1.0), [1.0], frequency=0),
+     ValueError, "t_start must be 0"),
+    (lambda: hd.Collocation().plan(None, 0.1), ValueError, "n_steps must be left out with Coll"),
+    (lambda: hd.GrunwaldLetnikov(map=3), TypeError, "map must be True or False, got 3"),
+    (lambda: hd.solve(mixed(-0.5), 1.0, 10, scheme=hd.L2Sigma()),
+     ValueError, "terms must have positive coefficients with L2Sigma"),
+    (lambda: hd.solve(mixed(1.0), 0.5, resume=hd.solve(mixed(1.0), 1.0, 10).state),
+     ValueError, "t_end must exceed the state's time 1.0, got 0.5"),
+    (lambda: hd.convergence_table(resting(), 1.0, [9, 18]),
+     ValueError, "n_steps must leave errors above 0"),
+    (lambda: hd.fit_exponentials(NARROW, 4.5, 4.9, 1e-3),
+     ValueError, "the table must have at least 4 times, got 0 between 4.5 and 4.9"),
+    (lambda: hd.fit(mixed, [1.0, 2.0], [["one"], ["two"]], {"c": 1.0}),
+     TypeError, "data must be real numbers, NaN for missing ones"),
+]  # fmt: skip
+
+ROWS = [*STEPS_GIVEN, *STEPS_THAT_ADAPT, *EVENTS, *RESUMED, *SCHEMES, *OF_ONE_PART]

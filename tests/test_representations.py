@@ -1,0 +1,51 @@
+"""What results show as text: their numbers, and how they ended."""
+
+import re
+
+import numpy as np
+import pytest
+
+import hereditary as hd
+
+DECAY = hd.Equation(hd.Caputo(0.5), lambda t, y, p: -p[0] * y, 1.0, params=[1.0])
+TIMES = np.array([0.5, 1.0, 2.0])
+
+
+def fitted():
+    data = hd.solve(DECAY.replace(params=[1.5]), 2.0, rtol=1e-8)(TIMES)[:, 0] + [1e-3, 0.0, -1e-3]
+    return hd.fit(lambda rate: DECAY.replace(params=[rate]), TIMES, data, {"rate": 1.0})
+
+
+RESULTS = {
+    r"FitResult\(rate = 1\.49\d+ \+- 0\.00\d+; cost .*condition is satisfied\.\)": fitted,
+    r"LyapunovResult\(-0\.\d+ \(late .*, algebraic decay\); mode 'tangent', the run .* end\)": (
+        lambda: hd.lyapunov(DECAY, 20.0, 400)
+    ),
+    r"Ensemble\(2 of 2 completed; 11 rows of 1 components\)": (
+        lambda: hd.ensemble(DECAY, 1.0, 10, params=[1.0, 2.0])
+    ),
+    r"Solution\(the run reached the end; 11 rows of 1 components, t = 0 \.\. 1\)": (
+        lambda: hd.solve(DECAY, 1.0, 10)
+    ),
+}
+
+
+@pytest.mark.parametrize("shown", RESULTS)
+def test_representations(shown):
+    assert re.fullmatch(shown, repr(RESULTS[shown]()))
+
+
+def test_an_ensemble_has_the_length_of_its_members():
+    assert len(hd.ensemble(DECAY, 1.0, 10, params=[1.0, 2.0, 3.0])) == 3
+
+
+@pytest.mark.parametrize(("alpha", "order"), [(0.5, 8.5), (1.0, 9.0), (1.5, 8.5)])
+def test_the_order_of_collocation_is_that_of_its_nodes(alpha, order):
+    assert hd.Collocation().order(alpha) == order
+
+
+def test_the_transform_of_a_gamma_density():
+    """Its integral with exp(-s t), by a sum over its values."""
+    density, s, h = hd.GammaDensity(2.5, 1.0), 0.7, 1e-3
+    t = h * (np.arange(40_000) + 0.5)
+    assert density.laplace(s) == pytest.approx(h * np.sum(density(t) * np.exp(-s * t)), rel=1e-6)
