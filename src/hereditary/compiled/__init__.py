@@ -1,1 +1,1 @@
-"""Compiled functions on plain arrays: no classes, no strings, no checks."""
+"""Compiled functions on plain arrays, and what compiles them, stores them and calls them."""

@@ -1,4 +1,4 @@
-"""Machine code on disk: with the package, or in the user's cache."""
+"""Machine code on disk: shipped with the package, or in the user's cache."""
 
 import hashlib
 import json
@@ -58,11 +58,11 @@ def note_target(folder):
 
 @cache
 def _shipped_for():
-    """Return the target of the code that came with the package; None without code that fits."""
+    """Return the target of the shipped machine code; None if none fits this process."""
     try:
         target = Target(**json.loads((SHIPPED / _MADE_FOR).read_text()))
         return target if target.fits(_target_here()) else None
-    except Exception:  # of a file that is damaged, or of another version
+    except Exception:  # the file may be damaged, or of another version
         return None
 
 
@@ -86,22 +86,25 @@ _NAMES: set[str] = set()
 class CodeCache:
     """Machine code of one function of the package on disk.
 
-    Code is looked for beside the package first, then in the user's cache, where compiled code is
-    stored. It is valid for one set of options and one digest of sources. These are the files that
-    compile in `compiled` and in the function's own room, since no others enter it. Numba itself
-    notices neither a change in helpers, nor a switch of bounds checking or of fused arithmetic.
-    Functions of other packages, and those of one name after the first, are not stored. Where the
-    cache has no place, the function is compiled anew, with a single warning. Code that cannot be
-    read, or is made for another processor, numba or Python, is ignored without one.
+    Code is loaded from the shipped folder if it is there, otherwise from the user's cache. New code
+    is stored in the user's cache. Stored code is valid for one set of options and one digest of
+    sources. The sources are the files with compiled functions in `compiled` and in the function's
+    own subpackage, because no other files enter the code. Numba's own cache does not notice changes
+    of helpers, of bounds checking or of fused arithmetic.
+
+    Functions of other packages are not stored. Of several functions with one name only the first is
+    stored. If the cache cannot be written, functions are compiled in each process, with a single
+    warning. Code that cannot be read is ignored without a warning. So is code that is made for
+    another processor, another version of numba or another Python.
 
     Parameters
     ----------
     fun : function
         The function to compile.
     options : str
-        Everything else its machine code depends on.
+        Text of the options of numba.jit, on which the machine code depends too.
     announced : str, optional
-        Name of a compilation that takes seconds, for the message on standard error.
+        What is compiled, for a message on standard error before a compilation that takes seconds.
     """
 
     def __init__(self, fun, options, announced=None):
@@ -109,20 +112,20 @@ class CodeCache:
         name, package = f"{fun.__module__}.{fun.__qualname__}", __name__.split(".")[0] + "."
         self._stored = STORED and name.startswith(package) and name not in _NAMES
         _NAMES.add(name)
-        if self._stored:  # at import: code loaded before an edit is not stored as that of the edit
+        if self._stored:  # taken at import, so that an edit of the sources after it does not count
             self._stamp = _digest("compiled") + _digest(fun.__module__.split(".")[1])
 
     def load_overload(self, sig, target_context):
-        """Return the stored compile result for a signature, or None."""
+        """Return the stored compile result for a signature, or None if a compilation is needed."""
         found = self._load_shipped(sig, target_context) or self._load_own(sig, target_context)
         if found is None and self._announced and sys.stderr is not None:
             once = ", once on this machine" if self._entries is not None else ""
-            with suppress(OSError, ValueError):  # of a stream that is closed
+            with suppress(OSError, ValueError):  # the stream may be closed
                 sys.stderr.write(f"hereditary: compiling {self._announced}{once} ...\n")
         return found
 
     def _load_shipped(self, sig, context):
-        """Return the compile result that came with the package, or None."""
+        """Return the shipped compile result for a signature, or None."""
         target = _shipped_for() if self._stored else None
         if target is not None:
             with suppress(Exception):  # a damaged entry may raise anything
@@ -131,7 +134,7 @@ class CodeCache:
         return None
 
     def _load_own(self, sig, context):
-        """Return the compile result from the user's cache, or None."""
+        """Return the compile result for a signature from the user's cache, or None."""
         entries = self._entries
         try:
             return entries and entries.load_overload(sig, context)
@@ -141,7 +144,7 @@ class CodeCache:
         return None
 
     def save_overload(self, sig, data):
-        """Store a compile result."""
+        """Store the compile result `data` of a signature in the user's cache."""
         try:
             if self._entries is not None:
                 self._entries.save_overload(sig, data)
@@ -150,7 +153,7 @@ class CodeCache:
 
     @property
     def cache_path(self):
-        """Return the folder of the cache, or None if it was not needed."""
+        """Return the folder of the user's cache, or None if this function has not used it yet."""
         return getattr(vars(self).get("_entries"), "cache_path", None)
 
     @cached_property

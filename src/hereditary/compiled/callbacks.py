@@ -35,10 +35,13 @@ def original(error):
 
 
 def pass_on(error, result):
-    """Raise the exception of a function called in Python, with the `result` of the run so far."""
+    """Raise the cause of a `PythonRaised` again, with `result` as its attribute; else do nothing.
+
+    `result` is the solution of the run up to the exception.
+    """
     cause: Any = error.__cause__ if isinstance(error, PythonRaised) else None
     if cause is not None:
-        with suppress(Exception):  # of exceptions that take no attributes
+        with suppress(Exception):  # an exception may accept no attributes
             cause.result = result
             cause.add_note("the run until then is the attribute `result` of this exception")
         raise cause
@@ -46,7 +49,10 @@ def pass_on(error, result):
 
 @intrinsic
 def call_at(typing_context, address, t, components, values):
-    """Call the C function at an address."""
+    """Call the C function at `address` with t and the addresses of two arrays; return its status.
+
+    Calls have the type `C_FUNCTION`: the arrays are the components and the values to be filled.
+    """
 
     def codegen(context, builder, signature, arguments):
         place, *others = arguments
@@ -59,7 +65,10 @@ def call_at(typing_context, address, t, components, values):
 
 @intrinsic
 def call_lapack(typing_context, address, arguments):
-    """Call a function of LAPACK, which returns nothing, with the addresses of its arguments."""
+    """Call the function of LAPACK at `address` with a tuple of the addresses of its arguments.
+
+    The function returns nothing.
+    """
     count = len(arguments)
 
     def codegen(context, builder, signature, values):

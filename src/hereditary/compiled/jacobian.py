@@ -1,8 +1,9 @@
 """The Jacobian of a right-hand side, from the user or by differences: dense or sparse.
 
-A sparse one is an array (5, k) of its k entries: values, rows, columns, groups and constants.
-Columns of one group share no row, so that one difference serves them all; entries stand in the
-order of their groups. Systems of few components are always dense, so these shapes never coincide.
+A dense Jacobian of d components is an array (d, d). A sparse one is an array (5, k) of its k
+entries: values, rows, columns, groups and constants. Columns of one group share no row, so that one
+difference of the right-hand side gives all of their entries. Entries are sorted by their group.
+Systems of at most `FEW` components are always dense, so that d is never 5 for a sparse Jacobian.
 """
 
 import numpy as np
@@ -16,17 +17,18 @@ FEW = 9
 # Step of central differences, relative to the unit of a component: the cube root of the rounding
 # unit. The relative error is then 4e-11.
 _STEP = 6.055454452393343e-06
-# Least unit and least tolerance: smaller numbers lose their digits. No run changes with ten times
-# this, not even from y(0) = 1e-190.
+# Least unit of a component, and least tolerance: smaller numbers lose digits by underflow. With ten
+# times this value no run changes, not even one from y(0) = 1e-190.
 LEAST = 1e-200
-# Rows of the entries of a sparse Jacobian. Where it is given, the place of each value in the array
-# that the user's function fills (-1: none) stands for its group; constants are added to these.
+# Rows of the array of a sparse Jacobian, and their number. If the user gives the Jacobian, row
+# GROUPS has the index of each value in the array that the user's function fills, or -1 if it has
+# none. Row CONSTANTS has summands that are added to these values.
 VALUES, ROWS, COLUMNS, GROUPS, CONSTANTS, N_ENTRY_ROWS = range(6)
 
 
 @inner
 def is_sparse(j_f, n):
-    """Return whether a Jacobian of n components is given by its entries."""
+    """Return whether the array `j_f` is a sparse Jacobian of n components, (5, k), not (n, n)."""
     return j_f.shape[0] != n
 
 
@@ -56,7 +58,7 @@ def extend(rhs, t, y, params, up, down):
 
 @inner
 def multiply(j_f, x, out):
-    """Set out = J x, of a dense Jacobian or a sparse one."""
+    """Set out = J x for the Jacobian J = `j_f`, dense or sparse."""
     n = x.shape[0]
     for i in range(n):
         out[i] = 0.0 if is_sparse(j_f, n) else dot(j_f[i], x, 0, n)
@@ -67,7 +69,7 @@ def multiply(j_f, x, out):
 
 @inner(reorders=True)
 def magnitudes(j_f, x, out):
-    """Set out = |J| |x|, of a dense Jacobian or a sparse one."""
+    """Set out = |J| |x|, with moduli of all entries; the Jacobian J = `j_f` is dense or sparse."""
     n = x.shape[0]
     for i in range(n):
         total, row = 0.0, j_f[i if n == j_f.shape[0] else 0]
@@ -98,7 +100,7 @@ def dense_jacobian(functions, t, y, units, out):
     """
     rhs, params, d, calls = functions.rhs, functions.params, y.shape[0], 2 * y.shape[0]
     up, down, shifted = np.empty(d), np.empty(d), np.empty(d)
-    for j in range(d):  # y.copy() takes longer to compile
+    for j in range(d):  # a loop, because y.copy() takes longer to compile
         shifted[j] = y[j]
     for j in range(d):
         step = _STEP * max(units[j], abs(y[j]))
@@ -158,7 +160,7 @@ def sparse_jacobian(functions, t, y, units, out):
 def add_derivative_by(k, functions, t, y, out):
     """Add df / dp_k, by central differences, to out (d,); return the number of calls of `rhs`."""
     rhs, n, d, calls = functions.rhs, functions.params.shape[0], y.shape[0], 2
-    up, down, params = np.zeros(d), np.zeros(d), np.empty(n)  # f sets no memory that it reads
+    up, down, params = np.zeros(d), np.zeros(d), np.empty(n)  # f leaves memory unset
     for i in range(n):
         params[i] = functions.params[i]
     p = params[k]

@@ -1,12 +1,13 @@
 """Compile functions of the package.
 
 - `entry` is for a loop that Python calls. It is compiled at the first call for one fixed list of
-  argument types and then locked. So it is compiled once per machine, whatever functions it gets.
+  argument types and for no other ones. A user's functions are arguments of one type, so that a loop
+  is compiled once per machine.
 - `inner` is for a function that compiled code calls by its name.
 - `plug_in` is for a function that compiled code gets as a field of a record
   (compiled/reference.py). `as_value` compiles it for the signature of the field.
-- `compiled` is for a function that Python calls as well.
-- `derived` is for a function that is made of a user's functions.
+- `compiled` is for a function that both Python and compiled code call.
+- `derived` is for a function that calls a user's functions. It is not stored on disk.
 """
 
 import gc
@@ -30,7 +31,7 @@ CUBE = types.Array(F8, 3, "C")
 CUBES = types.Array(F8, 4, "C")
 IVEC = types.Array(I8, 1, "C")
 _C16 = types.complex128
-# Annotations of the fields of compiled NamedTuples, each with its compiled type.
+# Annotations for the fields of NamedTuples that compiled code reads, each with numba's type.
 Vector: TypeAlias = Annotated[np.ndarray, VEC]
 Matrix: TypeAlias = Annotated[np.ndarray, MAT]
 Cube: TypeAlias = Annotated[np.ndarray, CUBE]
@@ -42,7 +43,7 @@ ComplexCube: TypeAlias = Annotated[np.ndarray, types.Array(_C16, 3, "C")]
 
 
 def compiled_type(cls):
-    """Return the compiled type of a NamedTuple class, from the annotations of its fields."""
+    """Return numba's type of a NamedTuple class, from the annotations of its fields."""
     numbers = {int: I8, float: F8}
     hints = get_type_hints(cls, include_extras=True).values()
     kinds = [
@@ -54,23 +55,24 @@ def compiled_type(cls):
     return types.NamedTuple(kinds, cls)
 
 
-# t, y, dy, params: fills dy (d,)
+# Signature of a right-hand side ``rhs(t, y, dy, params)``, which fills dy (d,) for d components.
 RHS_SIG = types.void(F8, VEC, VEC, VEC)
-# t, y, jacobian, params: fills jacobian (d, d)
+# Signature of a Jacobian ``jac(t, y, jacobian, params)``, which fills the jacobian (d, d).
 JAC_SIG = types.void(F8, VEC, MAT, VEC)
 
 
-# Objects that are made between two collections of garbage while functions are compiled, and how
-# often older ones are looked at: the compiler makes millions, and 7 % of its time went there.
+# Least thresholds of Python's garbage collector, as in gc.set_threshold, while functions are
+# compiled: the compiler makes millions of objects. With the default thresholds the collector took
+# 7 % of the time of compilation.
 _RARELY = 20_000, 20, 50
 
 
 class _Compiling:
-    """Context of every compilation: one at a time, and never interrupted in the middle.
+    """Context manager of every compilation: one at a time, and never interrupted in the middle.
 
     numba's compiler must not be entered from two threads. An exception inside it leaves incomplete
-    functions, and every later call fails. Therefore Ctrl-C is noted, and raised between two
-    functions or at the end.
+    functions, and every later call fails. Therefore KeyboardInterrupt is delayed. It is raised
+    before the compilation of the next function, or at the end.
     """
 
     def __init__(self):
@@ -82,7 +84,7 @@ class _Compiling:
         self._depth += 1
         if self._depth == 1:
             self._collected = gc.get_threshold()
-            if self._collected[0]:  # 0 stands for never
+            if self._collected[0]:  # 0: the user switched the collector off
                 gc.set_threshold(*map(max, self._collected, _RARELY))
         if self._depth == 1 and threading.current_thread() is threading.main_thread():
             self._previous = signal.getsignal(signal.SIGINT)
@@ -112,9 +114,10 @@ compiling = _Compiling()
 
 
 def compiled(fun, announced=None, **options):
-    """Compile `fun` on first call: cached on disk, without the GIL, with IEEE division.
+    """Return `fun` compiled at its first call: cached on disk, without the GIL, with IEEE division.
 
-    `announced` is that of `CodeCache`.
+    `announced`, optional, names a slow compilation in a message, as in `CodeCache`. The other
+    options are those of numba.jit.
     """
     dispatcher = njit(nogil=True, error_model="numpy", **options)(fun)
     if config.DISABLE_JIT:
@@ -125,12 +128,18 @@ def compiled(fun, announced=None, **options):
 
 
 def plug_in(fun):
-    """Compile a function that is a field of a record: for compiled callers, and kept on disk."""
+    """Return `fun` as a compiled function for the field of a record, cached on disk.
+
+    Only compiled code calls it, so it has no wrapper for Python.
+    """
     return compiled(fun, **internals.without("cpython", "cfunc"))
 
 
 def _guarded(dispatcher, finish=None):
-    """Let `dispatcher` compile inside `compiling`, and then call `finish` with the result."""
+    """Return `dispatcher`, changed to compile inside the context `compiling`.
+
+    After each compilation it calls `finish`, if given, with the compile result.
+    """
     compile_alone = dispatcher.compile
 
     def compile_guarded(sig):
@@ -145,22 +154,22 @@ def _guarded(dispatcher, finish=None):
 
 
 def inner(fun=None, *, allocates=False, fuses=False, reorders=False):
-    """Compile `fun` into the machine code of compiled callers; nothing is kept on disk.
+    """Return `fun` compiled as a part of its compiled callers; it has no file of its own on disk.
 
-    It gets no wrappers for other callers, which are a seventh of the time of all compilation.
-    Called from Python its source is run.
+    It gets no wrappers for other callers, which would take a seventh of the time of all
+    compilation. If Python calls it, its Python source runs.
 
     Parameters
     ----------
     fun : function, optional
-        Without it, the decorator with these options.
+        The function; None returns a decorator with these options.
     allocates : bool
-        Whether it makes or returns arrays. In one that does not, numba counts no references to
-        arrays, which the callers keep alive.
+        Whether `fun` makes or returns arrays. If not, numba's reference counting is switched off
+        for `fun`; its callers keep the arrays alive.
     fuses : bool
-        Whether a product may be added without being rounded first.
+        Whether the compiler may use fused multiply-add, without rounding the product first.
     reorders : bool
-        Whether its sums may be in the fastest order, fused too. It allocates.
+        Whether the compiler may reorder sums and use fused multiply-add. It implies `allocates`.
     """
     if fun is None:
         return partial(inner, allocates=allocates, fuses=fuses, reorders=reorders)
@@ -177,7 +186,7 @@ def inner(fun=None, *, allocates=False, fuses=False, reorders=False):
 def _refuse_arrays(result):
     """Refuse a function without reference counts that returns an array, which callers release."""
     returned: list[Any] = [result.signature.return_type]
-    for kind in returned:  # which grows
+    for kind in returned:  # the loop appends to this list
         if isinstance(kind, types.BaseTuple):
             returned.extend(kind)  # type: ignore[arg-type]
         if isinstance(kind, types.Array):
@@ -187,7 +196,10 @@ def _refuse_arrays(result):
 
 
 def derived(fun, allocates=True):
-    """Compile a function that is made of a user's functions, for this process alone."""
+    """Return a compiled function that calls a user's functions, for this process only.
+
+    `allocates` is False if it neither makes nor returns arrays; then numba counts no references.
+    """
     return njit(error_model="numpy", nogil=True, **_counting(allocates))(fun)
 
 
@@ -236,7 +248,7 @@ class entry:
     def __call__(self, fun):
         if config.DISABLE_JIT:
             return fun
-        # called from Python alone: another wrapper would take a tenth of the compilation
+        # only Python calls it, and a wrapper for C would take a tenth of the compilation
         how = internals.without("cfunc") | _counting(self.allocates)
         dispatcher = compiled(fun, self.announced, **how)
 

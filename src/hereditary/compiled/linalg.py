@@ -11,7 +11,7 @@ from .signatures import FACTORISE
 
 @inner
 def put(values, out):
-    """Copy a vector."""
+    """Copy the vector `values` to `out`."""
     for c in range(out.shape[0]):
         out[c] = values[c]
 
@@ -33,7 +33,7 @@ def clear_matrix(out):
 
 @inner
 def put_matrix(values, out):
-    """Copy a matrix."""
+    """Copy the matrix `values` to `out`."""
     for i in range(out.shape[0]):
         for j in range(out.shape[1]):
             out[i, j] = values[i, j]
@@ -41,21 +41,22 @@ def put_matrix(values, out):
 
 @inner
 def put_cube(values, out):
-    """Copy an array of three axes."""
+    """Copy the array `values`, which has three axes, to `out`."""
     for i in range(out.shape[0]):
         for j in range(out.shape[1]):
             for k in range(out.shape[2]):
                 out[i, j, k] = values[i, j, k]
 
 
-# Size from which sums in any order take less time than plain loops.
+# Number of unknowns from which `substitute` uses `dot`, whose sums the compiler may reorder: below
+# it plain loops take less time.
 _LARGE = 40
-# Columns that are eliminated at once, for which `subtract_rows` is written.
+# Number of columns that `factorise` eliminates at once; `subtract_rows` is written for this number.
 _PANEL = 4
-# Size from which LAPACK takes less time. Below it would use threads all the same, and wait for them
-# for milliseconds where other ones keep the cores.
+# Number of unknowns from which LAPACK factorises in less time than the loops here. For smaller
+# matrices LAPACK would use threads too, and wait milliseconds for them if the cores are busy.
 _LAPACK = 400
-# Multiplications of a product of matrices up to which BLAS uses no threads.
+# Largest number of scalar multiplications in a matrix product for which BLAS uses no threads.
 _ALONE = 2e5
 
 
@@ -65,7 +66,7 @@ def solve_in_place(a, b):
 
     Return False if a pivot is 0 or not finite.
     """
-    # a (d, d), b (d,)
+    # shapes for d unknowns: a (d, d), b (d,)
     d = b.shape[0]
     for j in range(d):
         pivot = j
@@ -96,7 +97,7 @@ def factorise(a, order):
 
     Return False if a pivot is 0 or not finite.
     """
-    # a (n, n), order (n,)
+    # shapes for n unknowns: a (n, n), order (n,)
     n = a.shape[0]
     for i in range(n):
         order[i] = i
@@ -110,7 +111,7 @@ def factorise(a, order):
                 row, factor = a[i], a[i, j]
                 for k in range(last, n):
                     row[k] -= factor * top[k]
-        if last < n:  # so the columns are _PANEL in number
+        if last < n:  # then there are exactly _PANEL columns
             subtract_rows(a, first, last)
     return True
 
@@ -151,12 +152,12 @@ def subtract_rows(a, first, last):
 
 @inner(allocates=True)
 def factorise_large(a, order, lapack):
-    """Factorise like `factorise`, by the function of LAPACK at an address."""
+    """Factorise a as `factorise` does, by LAPACK's dgetrf at the address `lapack`."""
     n = a.shape[0]
-    # n, what LAPACK returns, pivots: one array, which is alive until LAPACK returns
+    # [n, LAPACK's status, pivots...] in one array, so that all of it is alive until LAPACK returns
     numbers = np.empty(2 + n, dtype=np.int32)
     numbers[0], at = n, numbers.ctypes.data
-    transpose(a)  # LAPACK's matrices have their columns in a row
+    transpose(a)  # LAPACK stores matrices by columns
     call_lapack(lapack, (at, at, a.ctypes.data, at, at + 8, at + 4))  # type: ignore[call-arg]
     transpose(a)
     for i in range(n):
@@ -177,7 +178,7 @@ def address_of_factors(n):
 
 @inner
 def transpose(a):
-    """Transpose a square matrix in its place."""
+    """Transpose a square matrix in place."""
     for i in range(a.shape[0]):
         for k in range(i):
             a[i, k], a[k, i] = a[k, i], a[i, k]
@@ -190,7 +191,7 @@ def product(a, b, out):
     Threads gain little for these sizes. If other threads occupy the cores, BLAS waits for
     milliseconds.
     """
-    # a (m, k), b (k, n), out (m, n)
+    # shapes: a (m, k), b (k, n), out (m, n)
     rows = max(1, int(_ALONE / max(1, b.size)))
     for first in range(0, out.shape[0], rows):
         np.dot(a[first : first + rows], b, out[first : first + rows])
@@ -209,17 +210,17 @@ def transposed_product(a, b, out):
 
 @inner(reorders=True)
 def dot(row, x, first, end):
-    """Return the sum of products of two vectors, from `first` to before `end`."""
+    """Return the dot product of the entries `first` to `end - 1` of two vectors."""
     total, a, b = 0.0, row[first:end], x[first:end]
-    for k in range(a.shape[0]):  # from 0 on: vectorised
+    for k in range(a.shape[0]):  # an index from 0 on lets the compiler vectorise
         total += a[k] * b[k]
     return total
 
 
 @inner
 def substitute(factors, order, b, x):
-    """Solve a x = b with the factors of `factorise`."""
-    # factors (n, n), order (n,), b, x (n,)
+    """Solve a x = b with the factors and the row order that `factorise` made of a."""
+    # shapes: factors (n, n), order (n,), b (n,), x (n,)
     n = b.shape[0]
     if n >= _LARGE:
         for i in range(n):
@@ -247,8 +248,12 @@ def no_solver(task, number, matrix, x, linear):
 
 @compiled
 def dense_solver(task, number, matrix, x, linear):
-    """Factorise a dense matrix, or solve for x with its factors; 0 where it is done."""
-    # factors (m, n + 2, n), whose last rows are the order of the rows and room for x
+    """Factorise a dense matrix, or solve with its factors; return 0 if that succeeds.
+
+    The task SUBSTITUTE replaces the right-hand side in x by the solution.
+    """
+    # linear.factors (m, n + 2, n) has for each of m matrices the LU factors in n rows, then the
+    # order of the rows, then workspace for a right-hand side
     n = x.shape[0]
     factors, order = linear.factors[number, :n], linear.factors[number, n]
     if task == FACTORISE:
@@ -269,9 +274,9 @@ def dense_solver(task, number, matrix, x, linear):
 def add_rows(out, factors, rows):
     """Add factors @ rows to out, four rows at a time.
 
-    The inner loop runs along `out`, so it is vectorised without reordering any sum.
+    The inner loop runs along `out`, so the compiler vectorises it without reordering any sum.
     """
-    # out (n,), factors (m,), rows (m, n)
+    # shapes: out (n,), factors (m,), rows (m, n)
     fours = factors.shape[0] // 4 * 4
     for k in range(0, fours, 4):
         f0, f1, f2, f3 = factors[k], factors[k + 1], factors[k + 2], factors[k + 3]
@@ -289,7 +294,7 @@ def multiply_modes(modes, factors, n_real, out):
 
     First come the real numbers, then the real and then the imaginary parts of complex ones.
     """
-    # all (M,); out may be one of the others
+    # all arrays have the shape (M,); out may be modes or factors itself
     for i in range(n_real):
         out[i] = factors[i] * modes[i]
     half = (modes.shape[0] - n_real) // 2
@@ -298,11 +303,11 @@ def multiply_modes(modes, factors, n_real, out):
         out[i], out[i + half] = a * x - b * y, a * y + b * x
 
 
-# Components beyond which only the eigenvalues of largest modulus are computed.
+# Number of rows of a matrix beyond which `eigenvalues` computes only those of largest modulus.
 _VERY_MANY = 200
-# Their number.
+# Number of eigenvalues that are computed of such a large matrix.
 _LARGEST = 6
-# Restarts of ARPACK before a bound by norms is taken instead.
+# Most restarts of ARPACK; after them `eigenvalues` returns a bound by norms.
 _RESTARTS = 300
 
 
@@ -310,13 +315,14 @@ def eigenvalues(matrix):
     """Return the eigenvalues of a matrix; of a very large matrix only those of largest modulus."""
     if matrix.shape[0] <= _VERY_MANY:
         return np.linalg.eigvals(matrix if isinstance(matrix, np.ndarray) else matrix.toarray())
-    arpack = importlib.import_module("scipy.sparse.linalg")  # whose import takes long
+    arpack = importlib.import_module("scipy.sparse.linalg")  # a slow import
     start = np.random.default_rng(0).normal(size=matrix.shape[0])
     try:
         how = {"return_eigenvectors": False, "tol": 1e-5, "maxiter": _RESTARTS}
         return arpack.eigs(matrix, _LARGEST, v0=start, **how)
     except arpack.ArpackNoConvergence as error:
-        # the largest converge first; of a power iteration's estimate the norm is a bound
+        # eigenvalues of largest modulus converge first, so any that converged are enough; otherwise
+        # sqrt(|A|_1 |A|_inf) bounds all moduli
         if error.eigenvalues.size:
             return error.eigenvalues
         sizes = abs(matrix)

@@ -1,9 +1,9 @@
 """Private parts of numba that the package uses, each behind a probe.
 
 The probes run at import. They compare names, options and arguments with those of the versions of
-numba that the package is tested with. Where one fails, plain numba stands in: results are the same,
-compilation and runs take longer, and one RuntimeWarning says so. HEREDITARY_PLAIN_NUMBA=1 in the
-environment makes all probes fail, for tests.
+numba that the package is tested with. If a probe fails, the package uses public numba instead:
+results are the same, compilation and runs take longer, and one RuntimeWarning says so.
+HEREDITARY_PLAIN_NUMBA=1 in the environment makes all probes fail, for tests.
 """
 
 import inspect
@@ -23,7 +23,7 @@ _PLAIN = os.environ.get("HEREDITARY_PLAIN_NUMBA", "0") not in ("", "0")
 
 
 def _private(module, name) -> Any:
-    """Return a private name of numba, or `object` where there is none."""
+    """Return the object `name` of a module of numba; `object` if this numba lacks it."""
     try:
         return object if _PLAIN else getattr(import_module(f"numba.{module}"), name)
     except (ImportError, AttributeError):
@@ -40,7 +40,7 @@ _cpu_target: Any = _private("core.registry", "cpu_target")
 
 
 class Inner(_Dispatcher):
-    """A compiled function for compiled callers: Python runs its source."""
+    """Dispatcher of a function for compiled callers; a call from Python runs its source."""
 
     def __call__(self, *args):
         return self.py_func(*args)
@@ -51,15 +51,15 @@ class Inner(_Dispatcher):
 
 
 class _LinkedCompiler(_Compiler):
-    """Compiler of a function whose code is kept to be linked into its callers.
+    """Compiler that stops at LLVM code, which is then linked into the callers of the function.
 
-    Before numba links a function into its callers, it optimises it together with all that it calls,
-    and makes machine code of the result. In the callers both happen again. A function that only
-    compiled code calls needs neither: a loop and its helpers are optimised once, as a whole.
+    numba optimises each function together with all functions that it calls, and makes machine code
+    of the result. Then it does both again for each caller. A function that only compiled code calls
+    needs neither. A loop and its helpers are then optimised once, together.
     """
 
     def compile_extra(self, func):
-        """Compile a function."""
+        """Return the compile result of `func`, with a `_LinkedLibrary` as its code."""
         self.state.library = _LinkedLibrary(self.state.targetctx.codegen(), func.__qualname__)
         return super().compile_extra(func)
 
@@ -78,7 +78,7 @@ class _LinkedLibrary(_Library):
         self._finalized = True
 
     def get_pointer_to_function(self, name):
-        """Return 0, for there is no such machine code."""
+        """Return 0, because there is no machine code that an address could point to."""
         self._ensure_finalized()
         return 0
 
@@ -110,7 +110,7 @@ class Shipped:
         self._file._version = version
 
     def load_overload(self, sig, context):
-        """Return the stored compile result for a signature, or None."""
+        """Return the compile result that the folder has for a signature, or None."""
         context.refresh()
         found = self._file.load(_key(sig, self._made_for, self._options))
         result = found and _Result._rebuild(context, *found)
@@ -123,7 +123,7 @@ CHOSEN_PROCESSOR = config.CPU_NAME
 
 
 def processor():
-    """Return LLVM's names of the system, the processor and its features that code is made for."""
+    """Return LLVM's names of the system, the processor and its features that numba compiles for."""
     return _cpu_target.target_context.codegen().magic_tuple()
 
 
@@ -227,7 +227,10 @@ def uncounted():
 
 
 def linked(fun, options):
-    """Return a compiled function that is linked into its callers, with options of numba.jit."""
+    """Return `fun` as a function whose LLVM code is linked into its callers.
+
+    `options` are those of numba.jit.
+    """
     if not LINKED:
         return numba.njit(**{name: value for name, value in options.items() if name != "_nrt"})(fun)
     options |= {"nopython": True, **without("cpython", "cfunc")}

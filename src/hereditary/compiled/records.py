@@ -1,13 +1,13 @@
-"""Records that compiled code may change, and the arrays of numbers that they are stored as."""
+"""Records of named numbers that compiled code may change: entries of structured NumPy arrays."""
 
 import numpy as np
 from numba import config
 
 
 def record(dtype, values=None, **fields):
-    """Return a record that compiled code may change, with the given values or else zeros.
+    """Return a record of `dtype` that compiled code may change.
 
-    Keyword arguments set single fields.
+    It has the given values, or zeros. Keyword arguments set single fields.
     """
     found = records([values or (0,) * len(dtype)], dtype)[0]
     for name, value in fields.items():
@@ -18,13 +18,14 @@ def record(dtype, values=None, **fields):
 def records(values, dtype):
     """Return an array of records; without a compiler their fields are attributes as well.
 
-    Fields of np.record take ten times as long to read by name.
+    If numba compiles nothing, the fields are also attributes, as compiled code reads them. They are
+    not otherwise, because np.record takes ten times as long to read a field by its name.
     """
     found = np.array(values, dtype)
     return found.view(np.recarray) if config.DISABLE_JIT else found
 
 
 def plain(part):
-    """Return a record, or an array of records, as an array of numbers; anything else unchanged."""
+    """Return a record or an array of records as rows of numbers; a plain array unchanged."""
     named = part.dtype.names
     return part if named is None else np.array(part.tolist(), dtype=float).reshape(-1, len(named))

@@ -1,19 +1,20 @@
-"""Records of a march, handed on by reference: one pointer in place of all their arrays.
+"""Records of a march, passed by reference: one pointer instead of all their arrays.
 
-What a march works on is one NamedTuple, whose fields are numbers, arrays, functions and further
-NamedTuples. Python fills it, and `by_reference` checks the types of its fields. An entry gets the
-result as an argument of type `Reference`, and hands it on to the functions it calls. There
-``m.orbit`` is a reference too, to a part of the record, and ``m.orbit.modes`` is an array. Read
-an array into a variable before a loop, since compiled code reads the record anew at each attribute.
+All data of a march are one NamedTuple m. Its fields are numbers, arrays, functions and further
+NamedTuples. Python makes m, and `by_reference` checks the types of its fields. A compiled loop (an
+`entry` of compiled/jit.py) gets it as an argument of type `Reference`, and passes the pointer to
+the functions it calls. In compiled code ``m.orbit`` is a reference to a part of the record, and
+``m.orbit.modes`` is an array. Compiled code reads the record again at each attribute. So read an
+array into a variable before a loop.
 
-- Where the record is: on the entry's own frame. It is filled when the entry begins and gone when it
-  returns. No compiled function stores a reference, and none sets a field.
-- Who keeps the arrays alive: the NamedTuple in Python, which the caller has until the entry
-  returns. Compiled code counts no references to them. So arrays are made in Python.
-- Functions are fields of type `FunctionField`: the address of machine code, and no more. In Python
-  the field is the compiled function itself.
+- The record is on the stack frame of the entry. It is filled when the entry starts, and is gone
+  when the entry returns. No compiled function stores a reference, and none sets a field.
+- The NamedTuple in Python keeps the arrays alive until the entry returns. Compiled code counts no
+  references to them. Therefore Python must make the arrays.
+- In compiled code a function is a field of type `FunctionField`, the address of its machine code.
+  In Python the field is the compiled function itself.
 
-Without a compiler `by_reference` returns the NamedTuple, and the same source reads it.
+If numba compiles nothing, `by_reference` returns the NamedTuple, and the same source reads it.
 """
 
 from typing import Any
@@ -37,7 +38,7 @@ from numba.np.numpy_support import as_dtype
 
 
 class Reference(types.Type):
-    """Type of a reference to a record, of the compiled type of its NamedTuple class."""
+    """numba's type of a reference to a record; `record` is numba's type of its NamedTuple class."""
 
     def __init__(self, record):
         self.record = record
@@ -45,19 +46,19 @@ class Reference(types.Type):
 
     @property
     def key(self):
-        """The type of the record, which makes references equal."""
+        """The type of the record: two types of references are equal if their records are."""
         return self.record
 
 
 class FunctionField(types.Callable, types.Opaque):
-    """Type of a function of a record, for one signature: the address of its machine code."""
+    """numba's type of a function in a record: the address of machine code for one signature."""
 
     def __init__(self, signature):
         self.signature = signature
         super().__init__(name=f"FunctionField({signature})")
 
     def get_call_type(self, context, args, kws):
-        """Return the signature, if the arguments can be converted to it."""
+        """Return the signature if numba can convert the arguments to it; None otherwise."""
         wanted = self.signature
         if kws or len(args) != len(wanted.args):
             return None
@@ -66,11 +67,11 @@ class FunctionField(types.Callable, types.Opaque):
         return signature_of(wanted.return_type, *wanted.args, recvr=self)
 
     def get_call_signatures(self):
-        """Return the only signature."""
+        """Return a list of the only signature, and False: it has no type parameters."""
         return [self.signature], False
 
     def get_impl_key(self, sig):
-        """Return the key under which the call is implemented."""
+        """Return the key under which `_call` is registered with numba."""
         return FunctionField
 
 
@@ -101,20 +102,20 @@ def _field_type(record, name):
 
 @lower_getattr_generic(Reference)
 def _read(context, builder, typ, value, name):
-    """Return the address of a part of the record, or load a field."""
+    """Emit code for ``reference.name``: the address of a part of the record, or a field's value."""
     kind = _field_type(typ.record, name)
     place = cgutils.gep_inbounds(builder, value, 0, typ.record.fields.index(name))
     if isinstance(kind, types.BaseNamedTuple):
         return place
     found = builder.load(place)
-    if context.enable_nrt:  # the caller releases what it reads
+    if context.enable_nrt:  # because the caller decrements it
         context.nrt.incref(builder, kind, found)
     return found
 
 
 @lower_builtin(FunctionField, types.VarArg(types.Any))
 def _call(context, builder, sig, args):
-    """Call the machine code at an address, and raise what it raises."""
+    """Emit a call of the machine code at an address; an exception in it propagates."""
     convention, (_, *kinds) = context.call_conv, sig.args
     pointer = convention.get_function_type(sig.return_type, kinds).as_pointer()
     function = builder.bitcast(args[0], pointer)
@@ -129,13 +130,13 @@ def _fill(typ, filled, c):
     """Fill a record on the frame of the caller, without counting references."""
     place = cgutils.alloca_once(c.builder, c.context.get_value_type(typ.record))
     record = c.pyapi.object_getattr_string(filled, "record")
-    c.pyapi.decref(record)  # `filled` has it
+    c.pyapi.decref(record)  # `filled` keeps it alive
     _fill_part(c, typ.record, record, place)
     return NativeValue(place, is_error=c.pyapi.c_api_error())
 
 
 def _fill_part(c, record, values, place):
-    """Write code that fills the part of a record at `place` from a NamedTuple."""
+    """Emit code that fills the part of a record at `place` from a NamedTuple."""
     for number, kind in enumerate(record):
         value = c.pyapi.tuple_getitem(values, number)
         at = cgutils.gep_inbounds(c.builder, place, 0, number)
@@ -172,7 +173,8 @@ def by_reference(record, kind):
     return record if config.DISABLE_JIT or isinstance(record, Filled) else Filled(record, kind)
 
 
-# Forms of records by the identity of the type of their references, which is kept here.
+# For each `Reference` type, by its id: the type, which must stay alive, and the `_form` of its
+# record.
 _FORMS: dict[int, tuple[Reference, list[Any]]] = {}
 
 

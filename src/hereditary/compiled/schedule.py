@@ -1,22 +1,26 @@
 """Times at which tangents are made orthonormal: a given interval, or one that follows their growth.
 
-Intervals are whole numbers of marks. On given steps a mark is a step.
+A mark is a time at which they may be made orthonormal; marks are equidistant. An interval is a
+whole number of marks. With given steps each end of a step is a mark.
 """
 
 import numpy as np
 
 from .jit import inner
 
-# Least growth, or spread, of tangents over one interval where the interval follows the growth. R
-# loses about as many of sixteen digits as there are in exp(spread).
+# Spread below which an automatic interval doubles. The spread is the largest minus the smallest of
+# 0 and the logarithms of the tangents' growth over an interval. The factor R of tangents = Q R
+# loses about as many of its sixteen digits as exp(spread) has.
 _LOW = 3.0
-# Largest growth, or spread, over such an interval.
+# Spread above which an automatic interval gets shorter, in proportion to this over the spread.
 _HIGH = 8.0
-# The present interval, the longest one, whether intervals follow the growth; the ends of the
-# transient and of the run, the last time; how many times in one entry, and whether the march reads
-# data of the first steps later on.
+# Integer fields of a schedule. In marks: the present interval, the longest one, the end of the
+# transient, the end of the run, and the last renormalisation. Others: `automatic` is 1 if the
+# interval follows the growth. `made` counts renormalisations in one call of compiled code.
+# `lasting` is 1 if the march reads data of its first steps later on.
 _NUMBERS = "interval", "longest", "automatic", "transient", "end", "last", "made", "lasting"
-# `unit` is the distance of two marks in positions of the stepper.
+# Type of a schedule: the integers, and `unit`, the distance of two marks in the stepper's
+# positions.
 SCHEDULE = np.dtype([*((name, "i8") for name in _NUMBERS), ("unit", "f8")])
 
 

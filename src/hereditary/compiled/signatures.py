@@ -14,14 +14,16 @@ class UserFunctions(NamedTuple):
     params: Vector
 
 
-# functions, t, y (d,), units (d,) of differences, Jacobian; the number of calls of `rhs`
+# Signature of ``jacobian(functions, t, y, units, out)``, which fills `out` and returns the number
+# of calls of `rhs`; y (d,) and units (d,), the least sizes of components for steps of differences.
 JACOBIAN_SIG = I8(Reference(compiled_type(UserFunctions)), F8, VEC, VEC, MAT)
 
 
 class RightSide(NamedTuple):
     """The right-hand side of an equation, and how its Jacobian is computed.
 
-    The first `by_params` tangents are derivatives by the first parameters, one by each.
+    Tangent k is the derivative by parameter k, for k below `by_params`. The other tangents are
+    derivatives along directions of the initial values.
     """
 
     user: UserFunctions
@@ -32,16 +34,17 @@ class RightSide(NamedTuple):
 RIGHT_SIDE = Reference(compiled_type(RightSide))
 
 
-# Tasks of a linear solver, for Newton's matrix (number 0) or that of the tangents (number 1).
+# Tasks of a linear solver. Its matrix number 0 is Newton's, number 1 that of the tangents.
 FACTORISE = 0  # factorise the matrix
-SUBSTITUTE = 1  # solve with its factors
+SUBSTITUTE = 1  # solve with the factors
 
 
 class LinearSolver(NamedTuple):
     """Storage and tables of a linear solver for n components; n = 0 for none.
 
-    - factors (m, ., .): of Newton's matrix and, if m = 2, of the matrix of the tangents.
-    - order (n,): the place of each component; lower, upper: diagonals of a band.
+    - factors (m, ., .): factors of Newton's matrix and, if m = 2, of the matrix of the tangents.
+    - order (n,): the index of each component in the order that makes the band narrow.
+    - lower, upper: numbers of diagonals below and above the main one of a banded matrix.
     - lapack, python: addresses of LAPACK's factorisation and of a function that enters Python.
     - exact: 1 if the right-hand side is linear and all steps have one matrix, so that one iteration
       solves a step.
@@ -59,5 +62,6 @@ class LinearSolver(NamedTuple):
 
 
 LINEAR = Reference(compiled_type(LinearSolver))
-# task, number, matrix, vector that the solution replaces; 0 where it is done
+# Signature of a solver ``solve(task, number, matrix, x, linear)``. `number` is that of the matrix;
+# the solution replaces the right-hand side in x. It returns 0 for success.
 SOLVER_SIG = I8(I8, I8, MAT, VEC, LINEAR)

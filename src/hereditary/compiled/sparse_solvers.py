@@ -1,7 +1,7 @@
-"""Linear solvers of Newton's matrix for sparse Jacobians: banded, and any other in Python.
+"""Linear solvers of Newton's matrix for sparse Jacobians: by LAPACK for bands, else by SuperLU.
 
-A matrix is sparse as in jacobian.py. Bands go to LAPACK, other sparse matrices to SciPy's SuperLU
-behind a C function that enters Python.
+A sparse matrix has the form of jacobian.py. Compiled code calls SciPy's SuperLU through a C
+function that enters Python.
 """
 
 import ctypes
@@ -15,13 +15,17 @@ from .jacobian import COLUMNS, ROWS, VALUES
 from .jit import compiled, inner
 from .signatures import FACTORISE
 
+# Number of integer arguments of LAPACK's dgbtrf in front of the pivots, see `factorise_band`.
 _N_NUMBERS = 5
 
 
 @compiled
 def banded_solver(task, number, matrix, x, linear):
-    """Factorise a banded matrix by LAPACK, or solve for x with its factors; 0 where it is done."""
-    # factors (m, n, 2 lower + upper + 2), see `substitute_band`
+    """Factorise a banded matrix by LAPACK, or solve with its factors; return 0 if that succeeds.
+
+    The task SUBSTITUTE replaces the right-hand side in x by the solution.
+    """
+    # linear.factors has the shape (m, n, 2 lower + upper + 2) for m matrices: see `factorise_band`
     factors, place = linear.factors[number], linear.order
     lower, upper, n = linear.lower, linear.upper, x.shape[0]
     if task == FACTORISE:
@@ -83,7 +87,10 @@ def factorise_band(matrix, place, lower, upper, lapack, factors):
 
 @compiled
 def sparse_solver(task, number, matrix, x, linear):
-    """Factorise a sparse matrix in Python, or solve for x with its factors; 0 where it is done."""
+    """Factorise a sparse matrix in Python, or solve with its factors; return 0 if that succeeds.
+
+    The task SUBSTITUTE replaces the right-hand side in x by the solution.
+    """
     which = 2.0 * number + task
     given, wanted = matrix.ctypes.data, x.ctypes.data
     found: int = call_at(linear.python, which, given, wanted)  # type: ignore[call-arg]
@@ -94,28 +101,31 @@ def sparse_solver(task, number, matrix, x, linear):
 
 # Least ratio of a diagonal entry to the largest entry of its column, with which it is the pivot.
 _PIVOT = 0.1
+# Option of SuperLU for matrices with a nearly symmetric pattern, whose pivots are mostly diagonal.
 _SYMMETRIC = {"SymmetricMode": True}
 
 
 class SparseFactors:
-    """Factors of real matrices of these entries, or of complex ones ``1 - lambda J``.
+    """SuperLU's factors of sparse real matrices, or of complex matrices ``1 - lambda J``.
 
     Parameters
     ----------
     structure : Structure
+        Rows and columns of the entries of the matrices, or of the Jacobian J.
     kind : type
-        float or complex.
+        float for real matrices, complex for ``1 - lambda J``.
 
     Attributes
     ----------
     address : int
-        Of a C function of twice the number of a matrix plus a task, and of the entries of the
-        matrix, or of J. It is of a vector too, which the solution replaces. To factorise a complex
-        matrix, the vector begins with lambda.
+        Address of a C function with three arguments. The first is twice the number of a matrix plus
+        the task. The second is the address of the entries of the matrix, or of J. The third is the
+        address of the right-hand side, which the solution replaces. To factorise a complex matrix,
+        this vector begins with lambda instead.
     """
 
     def __init__(self, structure, kind):
-        sparse = importlib.import_module("scipy.sparse")  # whose imports take long
+        sparse = importlib.import_module("scipy.sparse")  # a slow import
         linalg = importlib.import_module("scipy.sparse.linalg")
         n, size = structure.n, structure.rows.size
         rows, columns = structure.entries[[ROWS, COLUMNS]].astype(np.int64)
@@ -146,7 +156,7 @@ class SparseFactors:
                     return factorise(number, entries, vector)
                 vector[:] = found[number].solve(vector)
                 return 0
-            except RuntimeError:  # which SuperLU raises for singular matrices
+            except RuntimeError:  # SuperLU raises it for singular matrices
                 return 1
             except BaseException as error:
                 keep_raised(error)

@@ -38,7 +38,7 @@ _KEPT_MAX = 256
 # Number of compiled versions of one function, with other frozen values, from which on the user is
 # warned: numba frees none.
 _VERSIONS_MAX = 50
-# ``fill(t, z, out, params)``, which calls a user's function with y and memory in z.
+# Type of ``fill(t, z, out, params)``, which calls a user's function; z contains y, then memory.
 Fill: TypeAlias = Callable[..., None]
 
 
@@ -97,7 +97,7 @@ def function_of(
     known = _versions.get(key)
     if known and known.compiled:
         fill = _in_python(name, plain, known.arity, start, shape)
-        with suppress(Exception):  # the checks below say what is wrong
+        with suppress(Exception):  # the checks below report errors
             expected = _called(fill, start, shape)
             if np.isfinite(expected).all() and not _difference(known.compiled, expected, start):
                 return Function(known.compiled, fill)
@@ -108,7 +108,7 @@ def function_of(
     if key:
         found, reason, *_ = _version(name, fun, key, arity, form, start, shape)
         reason = reason or _difference(found, values, start)
-        if found and reason:  # helpers compiled earlier may have run with the values of that time
+        if found and reason:  # earlier compiled helpers may have had other values
             present = _in_python(name, uncompiled(plain), arity, start, shape)
             reason = _difference(found, _called(present, start, shape), start)
     if not reason:
@@ -151,17 +151,17 @@ def _difference(compiled: Any, expected: np.ndarray, start: Start) -> str:
 def _version(
     name: str, fun: Any, key: tuple, arity: int, form: str, start: Start, shape: tuple[int, ...]
 ) -> _Version:
-    """Return a user's function compiled for a key, or why it is not, as a `_Version`."""
+    """Return the `_Version` of a user's function for a key; compile the function if it is new."""
     with compiling:
         known = _versions.pop(key, None)
         if known is None or known[2:] != (arity, form):
-            with warnings.catch_warnings():  # about lists; a reason not to compile is in `reason`
+            with warnings.catch_warnings():  # a warning about lists
                 warnings.simplefilter("ignore", NumbaPendingDeprecationWarning)
                 found, reason = _build(name, fun, key, arity, form, start, shape)
             known = _Version(found, reason, arity, form)
             if known.compiled:
                 _warn_of_versions(name, _plain(fun))
-        _versions[key] = known  # the last one, which is forgotten last
+        _versions[key] = known  # as the newest, which is removed last
         if len(_versions) > _KEPT_MAX:
             _versions.popitem(last=False)
     return known
@@ -204,7 +204,7 @@ def _build(
     own = (*first, *{2: (), 3: (_READ_ONLY,), 4: (filled, _READ_ONLY)}[arity])
     try:
         jitted = fresh(fun, inner, inside)
-        jitted.compile(own)  # by itself first, so that a message refers to the user's lines
+        jitted.compile(own)  # first by itself: messages then name the user's lines
         jitted.disable_compile()
         returned = jitted.nopython_signatures[0].return_type
         simple = isinstance(returned, (types.NoneType, types.Number, types.Boolean))
@@ -213,14 +213,14 @@ def _build(
         adapter = derived(adapter, allocates=not simple)
         adapter = derived(_of_copies(adapter)) if copied else adapter
         return as_value(derived(_of_parts(adapter)) if start.paired else adapter, key[2]), ""
-    except Exception as error:  # numba raises many types besides its own
+    except Exception as error:  # numba raises exceptions of many types
         if _compiles(fresh(fun, inner, inside), [a.copy(readonly=False) for a in own[1:]]):
             raise TypeError(writing_complaint(name, plain, error)) from error
         return None, compile_reason(plain, error)
 
 
 def _compiles(jitted: Any, arrays: list) -> bool:
-    """Return whether a function compiles for writable arrays."""
+    """Return whether a function compiles if its arguments are t and these writable arrays."""
     try:
         jitted.compile((F8, *arrays))
     except Exception:
@@ -229,7 +229,10 @@ def _compiles(jitted: Any, arrays: list) -> bool:
 
 
 def _split(fun: Any, k: int) -> Any:
-    """Return a compiled function of y and memory as one of all components; itself for k = 0."""
+    """Return a function of z, all components, from a compiled one of y (d,) and memory (k, d).
+
+    z has d + k d components: y, then the k rows of memory. For k = 0 it is the function itself.
+    """
     if k == 0:
         return fun
 
@@ -241,7 +244,7 @@ def _split(fun: Any, k: int) -> Any:
 
 
 def _of_copies(fun: Any) -> Fill:
-    """Return a function that calls `fun` with copies of y and params, which it may change."""
+    """Return a function that calls `fun` with copies of y and params, which `fun` may change."""
     return lambda t, y, out, params: fun(t, y.copy(), out, params.copy())
 
 
@@ -257,8 +260,8 @@ def _of_parts(fun: Any) -> Fill:
 def _adapter(fun: Any, arity: int, form: str, n_axes: int) -> Fill:
     """Return a function that calls `fun` and writes its values to the output array.
 
-    `form` is that of the trial call. The loops are written out because numba takes two seconds to
-    compile ``out[...] = values``.
+    `arity` and `form` are as in `_Version`; `n_axes` is the number of axes of the output. The loops
+    are explicit because numba takes two seconds to compile ``out[...] = values``.
     """
     one, with_params = (0,) * n_axes, arity == 3
 
@@ -291,7 +294,7 @@ def _adapter(fun: Any, arity: int, form: str, n_axes: int) -> Fill:
 
 
 def _in_python(name: str, fun: Any, arity: int, start: Start, shape: tuple[int, ...]) -> Fill:
-    """Return ``fill(t, z, out, params)``, which calls `fun` in Python; z holds y and memory."""
+    """Return ``fill(t, z, out, params)``, which calls `fun` in Python; z contains y, then memory."""
     k, d = start.memory.shape
     kind = start.y.dtype
 
@@ -300,12 +303,12 @@ def _in_python(name: str, fun: Any, arity: int, start: Start, shape: tuple[int, 
             z, out = z.view(kind), out.view(kind)
         arguments = (t, z[:d], z[d:].reshape(k, d)) if k else (t, z)
         if arity == 4:
-            values = np.empty(shape, kind)  # which the function may keep
+            values = np.empty(shape, kind)  # new, because `fun` may keep it
             fun(*arguments, values, params)
         else:
             values = fun(*arguments, params) if arity == 3 else fun(*arguments)
             if type(values) is list and shape == (len(values),) and len(values) <= _FEW_ENTRIES:
-                for place, value in enumerate(values):  # an array is made in twice the time
+                for place, value in enumerate(values):  # making an array takes twice as long
                     out[place] = value
                 return
             values = numbers_of(name, fun, values, shape, start)
@@ -324,7 +327,7 @@ def _locking(fill: Fill) -> Fill:
 
 
 def locked(array: np.ndarray) -> np.ndarray:
-    """Return a view of an array that cannot be written to."""
+    """Return a read-only view of an array."""
     view = array.view()
     view.setflags(write=False)
     return view
@@ -338,7 +341,7 @@ _RESHAPED = "the function returned another shape than at the start"
 class Start(NamedTuple):
     """Arguments with which functions are tried: y (d,), memory (k, d), params (p,) and the time t.
 
-    y and memory may be complex.
+    There are d components, k rows of memory and p parameters. y and memory may be complex.
     """
 
     y: np.ndarray
@@ -362,7 +365,7 @@ class Start(NamedTuple):
 
 
 def arity_of(name: str, out: str, fun: Callable[..., Any], start: Start) -> int:
-    """Return the number of positional arguments besides memory: 2, 3 or 4."""
+    """Return the number of positional arguments of `fun`, not counting memory: 2, 3 or 4."""
     required = f"be one of {start.shapes(name, out)}"
     more = int(len(start.memory) > 0)
     try:
@@ -428,7 +431,10 @@ def _values(
     hint: Callable[[], str],
     unset: float,
 ) -> tuple[np.ndarray, str]:
-    """Call `fun` at the start; return its values as an array of `shape`, and their form."""
+    """Call `fun` at the start; return its values as an array of `shape`, and their form.
+
+    `unset` fills the output array before the call.
+    """
     filled = np.full(shape, unset, start.y.dtype)
     y, memory, p = (part.copy() for part in start[:3])
     first = (start.t, y, memory) if len(memory) else (start.t, y)
@@ -484,5 +490,5 @@ def numbers_of(
 
 
 def _remedy(fun: Any, shape: tuple[int, ...]) -> str:
-    """Say what a function should return."""
+    """Return a remedy for messages: what the function should return."""
     return f"return numpy.array([...]) of shape {shape}, {defined(fun)}"

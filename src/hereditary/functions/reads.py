@@ -1,10 +1,10 @@
-"""Collect what functions read, hash it, and copy functions with the present values.
+"""Collect the values that functions read, hash them, and copy functions with the present values.
 
-numba compiles the globals and closed-over values of a function as constants, and those of the
-helpers that it calls. Compiled functions are therefore equal only if their code and all of these
-values are: `frozen_values`, for comparison in one process. A `digest` is equal for equal contents
-in every process and after pickling; it changes with the version of Python, which compiles to other
-bytecode.
+numba compiles the globals and closed-over values of a function, and of the helpers that it calls,
+as constants. Therefore two compiled functions are equal only if their code and all of these values
+are equal. `frozen_values` collects both for comparison in one process. A `digest` identifies
+contents in every process and after pickling. It changes with the version of Python, because the
+bytecode does.
 """
 
 import hashlib
@@ -26,12 +26,13 @@ from ..compiled.numba_internals import options_of, stated_options
 
 # Folders of installed packages, whose files do not belong to the user.
 _INSTALLED = tuple({sysconfig.get_path(name) for name in ("purelib", "platlib", "stdlib")})
-# Packages whose contents are represented by their names.
+# Packages whose functions count by their names, without their code.
 _FOREIGN = frozenset({"numpy", "scipy", "numba", *sys.stdlib_module_names})
+# Types of values that are compared by their text.
 _PLAIN = bool | int | float | complex | str | bytes | np.generic | None | type(...)
-# Bytes of a contiguous array up to which numba copies it into compiled code.
+# Largest size in bytes of a contiguous array that numba copies into compiled code.
 _COPIED_MAX = 1_000_000
-# Digests of objects whose class says by `fixed_contents` that they never change.
+# Known digests of objects that never change: their class has a true attribute `fixed_contents`.
 _FIXED: WeakKeyDictionary[Any, str] = WeakKeyDictionary()
 
 
@@ -50,7 +51,7 @@ def _package(value: Any) -> str:
 def _is_helper(value: Any, caller: Any) -> bool:
     """Return whether a value is a function that is compiled together with `caller`.
 
-    Plain functions of other packages are not: there may be no end to what they call.
+    Plain functions of other installed packages are not, because they may call any number of others.
     """
     if not inspect.isfunction(value):
         return is_jitted(value)
@@ -58,24 +59,27 @@ def _is_helper(value: Any, caller: Any) -> bool:
 
 
 def _parts(helper: Any) -> tuple[Any, dict[str, Any]]:
-    """Return the Python function of a helper, and its numba options."""
+    """Return the Python function of a helper, and the options of numba.jit for it."""
     if is_jitted(helper):
         return helper.py_func, options_of(helper)
     return helper, {"nopython": True}
 
 
 def _reads(function: FunctionType) -> dict[str, Any]:
-    """Return the values that a function reads besides its arguments, by name."""
+    """Return the values that a function reads besides its arguments, by name.
+
+    These are globals, closed-over values, defaults, and attributes of modules among them.
+    """
     names = set(_names_in(function.__code__))
     found = {name: function.__globals__[name] for name in names & function.__globals__.keys()}
     for name, cell in zip(function.__code__.co_freevars, function.__closure__ or (), strict=True):
-        with suppress(ValueError):  # of a cell that is empty
+        with suppress(ValueError):  # the cell may be empty
             found[f"{name} closed over"] = cell.cell_contents
     found |= {f"default {i}": value for i, value in enumerate(function.__defaults__ or ())}
     found |= {f"{name} by default": v for name, v in (function.__kwdefaults__ or {}).items()}
     for module in [value for value in found.values() if inspect.ismodule(value)]:
         values = {name: vars(module)[name] for name in names & vars(module).keys()}
-        if module.__name__.split(".")[0] in _FOREIGN:  # whose objects may hold anything
+        if module.__name__.split(".")[0] in _FOREIGN:  # their objects may contain anything
             values = {name: value for name, value in values.items() if isinstance(value, _PLAIN)}
         found |= {f"{module.__name__}.{name}": value for name, value in values.items()}
     return found
@@ -90,13 +94,13 @@ def _names_in(code: CodeType) -> Iterator[str]:
 
 
 def frozen_values(fun: FunctionType) -> tuple:
-    """Return the code of `fun` and of its helpers with all frozen values; hashable."""
+    """Return the code of `fun` and of its helpers with all values that they read, as a hashable tuple."""
     functions = [fun]
     held: list[Any] = []
-    for function in functions:  # which grows
+    for function in functions:  # the loop appends helpers
         held.append(function.__code__)
         for name, value in sorted(_reads(function).items()):
-            of_module = "." in name  # where numba takes compiled functions alone
+            of_module = "." in name  # numba compiles no plain functions of modules
             if not (is_jitted(value) if of_module else _is_helper(value, function)):
                 held.append((name, _key(value)))
                 continue
@@ -108,12 +112,12 @@ def frozen_values(fun: FunctionType) -> tuple:
 
 
 def code_names(frozen: tuple) -> set[str]:
-    """Return all names of globals and attributes in the code found by `frozen_values`."""
+    """Return the names of all globals and attributes in the code that `frozen_values` returned."""
     return {name for value in frozen if inspect.iscode(value) for name in _names_in(value)}
 
 
 class _Itself:
-    """Key of an object that equals only itself; keeps the object alive."""
+    """Key that equals only keys of the same object, and keeps that object alive."""
 
     def __init__(self, value: Any) -> None:
         self.value = value
@@ -126,7 +130,7 @@ class _Itself:
 
 
 def _contents(value: Any) -> tuple | None:
-    """Return the contents of an array, a number or a text, hashable; None for another value."""
+    """Return a hashable form of an array, a number or a text; None for a value of any other type."""
     if isinstance(value, np.ndarray) and not value.dtype.hasobject:
         return value.shape, value.dtype.str, hashlib.sha256(value.tobytes()).hexdigest()
     return (type(value).__name__, repr(value)) if isinstance(value, _PLAIN) else None
@@ -140,17 +144,17 @@ def _key(value: Any) -> Hashable:
         return (type(value), tuple(map(_key, value))) if several else _Itself(value)
     if isinstance(value, np.ndarray):
         copied = value.flags.forc and value.nbytes <= _COPIED_MAX
-        return found if copied else (found, _Itself(value))  # which numba reads where it is
+        return found if copied else (found, _Itself(value))  # not copied by numba
     return found
 
 
 def digest(*values: Any) -> str:
-    """Return sixteen hexadecimal digits that identify these values."""
+    """Return sixteen hexadecimal digits that identify the contents of these values."""
     return _Digests(set(map(_package, values))).of(values, ())[:16]
 
 
 def digest_of_compiled(frozen: tuple, function: Any) -> str:
-    """Return the digest of a compiled function with these frozen values."""
+    """Return the digest of a compiled function, from what `frozen_values` returned for it."""
     return _digest_of_frozen(frozen, _package(function))
 
 
@@ -170,9 +174,9 @@ class _Digests:
         self._known: dict[int, tuple[str, Any]] = {}
 
     def of(self, value: Any, above: tuple[int, ...]) -> str:
-        """Return the digest of a value; `above` holds the ids of its containers."""
+        """Return the digest of a value; `above` has the ids of the containers around it."""
         value = value.value if isinstance(value, _Itself) else value
-        if id(value) in above:  # which may hold themselves
+        if id(value) in above:  # a container may contain itself
             return "itself"
         if id(value) not in self._known:
             lasting = getattr(type(value), "fixed_contents", False)
@@ -182,12 +186,12 @@ class _Digests:
                 found = hashlib.sha256(text.encode()).hexdigest()
             if lasting:
                 _FIXED[value] = found
-            self._known[id(value)] = found, value  # alive, so that ids stay theirs
+            self._known[id(value)] = found, value  # kept alive, so that no other object gets its id
         return self._known[id(value)][0]
 
     def _text(self, value: Any, above: tuple[int, ...]) -> str:
-        """Represent a value as text."""
-        value = getattr(value, "py_func", value)  # of a function compiled by numba
+        """Return a text that is equal for equal contents: a kind, and digests of the parts."""
+        value = getattr(value, "py_func", value)  # the function of a dispatcher
         found = _contents(value.item() if isinstance(value, np.generic) else value)
         if found is not None:
             return repr(found)
@@ -223,7 +227,7 @@ class _Digests:
             return f"{_name(value)} {value.__name__}", []
         try:
             parts = list(value.__reduce_ex__(4)[:3])
-        except Exception:  # a value that cannot be pickled is represented by its kind
+        except Exception:  # a value that cannot be pickled counts by its type alone
             parts = []
         if inspect.isfunction(getattr(type(value), "__call__", None)):  # noqa: B004
             parts.append(type(value).__call__)
@@ -245,7 +249,7 @@ def fresh(fun: Any, own_options: dict[str, Any], helper_options: dict[str, Any])
     ----------
     fun : function or Dispatcher
     own_options, helper_options : dict
-        Options of numba.jit for `fun` and for its helpers, which override those they have.
+        Options of numba.jit for `fun` and for its helpers, in place of options that they have.
     """
 
     def compiled(copy: FunctionType, given: Any) -> Any:
@@ -256,12 +260,15 @@ def fresh(fun: Any, own_options: dict[str, Any], helper_options: dict[str, Any])
 
 
 def uncompiled(fun: Any) -> Any:
-    """Return a copy of `fun` in plain Python, its helpers included."""
+    """Return a copy of `fun` in plain Python that calls plain copies of its helpers."""
     return _copied(fun, lambda copy, given: copy)
 
 
 def _copied(fun: Any, make: Callable[[FunctionType, Any], Any]) -> Any:
-    """Copy a function and its helpers, each made by ``make(copy, given)``."""
+    """Return a copy of a function that calls copies of its helpers.
+
+    ``make(copy, given)`` turns each plain copy of a function `given` into the result.
+    """
     made: dict[int, Any] = {}
 
     def again(given: Any) -> Any:
@@ -273,7 +280,7 @@ def _copied(fun: Any, make: Callable[[FunctionType, Any], Any]) -> Any:
             found = {name: held(plain.__globals__[name], plain) for name in names}
             copy.__globals__.update(found)
             for own, cell in zip(copy.__closure__ or (), plain.__closure__ or (), strict=True):
-                with suppress(ValueError):  # of a cell that is empty
+                with suppress(ValueError):  # the cell may be empty
                     own.cell_contents = held(cell.cell_contents, plain)
         return made[id(given)]
 
