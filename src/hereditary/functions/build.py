@@ -294,7 +294,7 @@ def _adapter(fun: Any, arity: int, form: str, n_axes: int) -> Fill:
 
 
 def _in_python(name: str, fun: Any, arity: int, start: Start, shape: tuple[int, ...]) -> Fill:
-    """Return ``fill(t, z, out, params)``, which calls `fun` in Python; z contains y, then memory."""
+    """Return ``fill(t, z, out, params)``, which calls `fun` in Python; z has y and memory."""
     k, d = start.memory.shape
     kind = start.y.dtype
 

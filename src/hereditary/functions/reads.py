@@ -94,7 +94,7 @@ def _names_in(code: CodeType) -> Iterator[str]:
 
 
 def frozen_values(fun: FunctionType) -> tuple:
-    """Return the code of `fun` and of its helpers with all values that they read, as a hashable tuple."""
+    """Return the code of `fun` and its helpers with all values that they read, hashable."""
     functions = [fun]
     held: list[Any] = []
     for function in functions:  # the loop appends helpers
@@ -130,7 +130,7 @@ class _Itself:
 
 
 def _contents(value: Any) -> tuple | None:
-    """Return a hashable form of an array, a number or a text; None for a value of any other type."""
+    """Return the contents of an array, a number or a text, hashable; None for any other value."""
     if isinstance(value, np.ndarray) and not value.dtype.hasobject:
         return value.shape, value.dtype.str, hashlib.sha256(value.tobytes()).hexdigest()
     return (type(value).__name__, repr(value)) if isinstance(value, _PLAIN) else None
