@@ -1,4 +1,8 @@
-"""Adaptive stepper: the march of an equation by collocation, and the limits of its steps."""
+"""Adaptive stepper: the march of an equation by collocation, and the limits of its steps.
+
+Letters of shapes: d components, s nodes of a step, k tangents, n_q integrands (f, p and y, and p'
+if an equation needs it). The primary unknown p is y, or y' for orders above 1.
+"""
 
 from __future__ import annotations
 
@@ -57,9 +61,9 @@ from .structures import (
 )
 from .varying import OrderTables
 
-# Largest number of steps of a run by default.
+# Default of the largest number of steps of a run.
 MAX_STEPS = 1_000_000
-# Longest step where the solution is at rest, as fraction of the run; a longer one could miss a
+# Longest step while the solution is at rest, as fraction of the run. A longer step could miss a
 # force that sets in later.
 _DORMANT = 1 / 32
 # Longest first step of a solution at rest, as a fraction of the longest step at rest: the nodes of
@@ -73,16 +77,16 @@ _STILL = 1e-2
 # If more than this fraction of the accepted steps is rejected, a block is slow when `max_steps`
 # does not suffice to the end.
 _REFUSED = 0.125
-# A block is slow in any case if the run needs more than so many steps to its end.
+# Number of steps to the end of the run. A batch is slow if, at its speed, the run needs more.
 _MOST_STEPS = 1e7
-# A run that ends has blown up if the solution exceeds all earlier values, and grew by more than
-# this fraction over the last step.
+# Relative growth of the solution over the last step. A run that cannot go on has blown up if the
+# solution grew by more and exceeds all earlier values.
 _GROWING = 1e-3
 # A run has not blown up if its next step was reduced to this fraction of the last one: then f
 # jumps.
 _WALL = 1e-8
-# Distances at which f is evaluated, in lengths of the last step: positive along the last change of
-# y, negative against it.
+# Distances from a failed step at which f is evaluated, in lengths of the last step: positive along
+# the last change of y, negative against it.
 _DISTANCES_AHEAD = (0.0, 1.0, 10.0, 100.0, 1000.0, -1.0, -10.0, -100.0, -1000.0)
 # f jumps if it changes over these distances by more than this fraction of its size, since steps are
 # short.
@@ -105,7 +109,7 @@ _ROUNDS = (
 
 
 class StepLimits:
-    """Step limits of one run, and detection of a run that stalls.
+    """Step limits of one run, and detection of a run that makes no progress.
 
     Parameters
     ----------
@@ -117,7 +121,7 @@ class StepLimits:
     Attributes
     ----------
     longest : ndarray, shape (2,)
-        The longest step, and the longest where the solution is at rest.
+        The longest step, and the longest step while the solution is at rest [time].
     last_step : int
         Number of the last step allowed, counted from t = 0.
     """
@@ -129,13 +133,13 @@ class StepLimits:
         self._t_end = np.inf
 
     def begin(self, t, t_end, n_steps):
-        """Set the limits of a run from t to t_end that begins after `n_steps` steps."""
+        """Set the limits of a run from t to t_end, if `n_steps` steps were accepted before t."""
         longest, self._t_end = min(self._max_step, t_end - t), t_end
         self.longest = np.array([longest, min(longest, _DORMANT * (t_end - t))])
         self.last_step = n_steps + self._max_steps
 
     def limits(self, system, origin, t_stop, tolerances):
-        """Return the `Limits` of a march from `origin` to `t_stop`."""
+        """Return the `Limits` of a march from `origin` to `t_stop`, with tolerances `Allowed`."""
         times = t_stop, system.beside(origin, 1), system.beside(t_stop, -1)
         return Limits._make([*times, *self.longest.tolist(), *tolerances, self._t_end])
 
@@ -153,10 +157,11 @@ class StepLimits:
         earlier, counts : np.void
             Counts of the march at these times.
         t_stop : float
+            Time to which the march goes.
         at_starts : ndarray, shape (n, 2, d)
-            y and p at the starts of the steps of the batch.
+            y and p at the starts of the n steps of the batch.
         sizes : ndarray, shape (2, d)
-            Largest |y| and |p| before.
+            Sizes of y and p to which the tolerance is relative.
         """
         accepted, refused = (
             counts["accepted"] - earlier["accepted"],
@@ -183,7 +188,7 @@ _OUTSIDE = Ending(Status.STEP_TOO_SMALL, NOT_FINITE)
 
 
 def ending(status, system, t, h, refused, last, peak):
-    """Return the `Ending` behind the status code of a march that stopped at time t.
+    """Return the reason why a march with this status code cannot go on from time t.
 
     `last` (3 or 4, d, s) are f, p and y at the nodes of the last step, of length h. The next step
     was rejected down to the length `refused`. `peak` (2, d) are the largest |p| and |y| before the
@@ -218,13 +223,13 @@ def _forces_ahead(system, t, h, y):
 
 
 def leaves_domain(system, t, y, move):
-    """Return whether f is finite nowhere on the way from y to y + move, both (d,)."""
+    """Return whether f is infinite or NaN at all test points between y and y + move, (d,) each."""
     points = [y + share * move for share in _SHARES]
     ahead = [system.force(t, point) for point in points if np.any(point != y)]
     return bool(ahead) and not np.isfinite(ahead).all(axis=1).any()
 
 
-# Fraction of the tolerance that one step may err by.
+# Largest error of one step, as fraction of the tolerance of a run.
 STEP_FRACTION = 0.1
 # Fraction of the error of a step for that of the modes, whose errors add up along undamped orbits.
 # With 1e-2, D^0.5 y = 10 (y1 - y2, y1 + y2) errs by 23 tolerances after 3,180 periods. P1 to P6
@@ -235,7 +240,7 @@ _MODES_FRACTION = 1e-4
 _OF_MODES = 5.0
 # Relative error that rounding adds in each step of an undamped solution.
 _OF_ROUNDING = 1e-15
-# Fraction of rtol that counts relative to the size of a component, where no atol is given.
+# Tolerance relative to the size of a component, as fraction of rtol, if no atol is given.
 OF_SIZE = 0.01
 # First steps use the variable u with t = u**q. From this q on errors are estimated too small,
 # because u**q changes only near the end. The tolerance of the step is then multiplied by this
@@ -249,11 +254,11 @@ _ROUNDING = 5e-14
 # Modes are fitted for steps this many times shorter than the present one, and so is each
 # refinement.
 _REFINE_BY = 32.0
-# Latest time up to which a run may be resumed, in lengths of the run.
+# Latest time up to which a run may be resumed, as multiple of the first run's length.
 _REACH = 10.0
 # Largest ratio of the farthest to the closest distance of the modes.
 _LARGEST_RATIO = 1e305
-# Steps of one call of the compiled march.
+# Largest number of steps in one call of the compiled march.
 _ROWS = 256
 # Closest distance of fits that are made before the run begins, as a fraction of the run.
 _CLOSE = 1e-6
@@ -281,11 +286,11 @@ class Allowed(NamedTuple):
 
 
 class Tolerance(NamedTuple):
-    """Tolerances by which a run chooses its steps.
+    """Tolerances of a run, and limits of its steps.
 
-    - rtol; atol: a number or one for each component of y, None for errors relative to sizes.
-    - modes: the relative error of modes; None for the error that the tolerances require.
-    - longest: the longest step [time] or None; most: the largest number of steps.
+    - rtol; atol: one number or one for each component of y, None for an rtol of the largest |y|.
+    - modes: relative error of the modes; None for the error that the tolerances require.
+    - longest: longest step [time], or None; most: largest number of steps.
     """
 
     rtol: float
@@ -301,17 +306,17 @@ def _rests(values):
 
 
 class AdaptiveStepper(ResumableStepper, TangentStepper, JumpingStepper):
-    """March of one equation by collocation, with steps chosen by the tolerance.
+    """March of one equation by collocation; it chooses its steps to keep the tolerance.
 
     Parameters
     ----------
     system : System
     scheme : Collocation
     t_end : float
-        End of the run; the modes hold up to ten times as far, or to the scheme's horizon.
+        End of the run; the modes are accurate to ten times that, or to the scheme's horizon.
     tolerance : Tolerance
     directions : ndarray, shape (n_data, k), optional
-        Directions of initial data, one tangent for each, whose errors count for the steps as well.
+        Directions of initial data. Each has a tangent, whose error limits the steps as well.
     """
 
     counted = False
@@ -348,14 +353,14 @@ class AdaptiveStepper(ResumableStepper, TangentStepper, JumpingStepper):
         self._orbit = OrbitAndTangents(form, y0, s)
         self._state = initial_state(t_end, *np.abs([self._orbit.p[0], self._orbit.x[0]]))
         self._at_singular_start, self._largest_error, self._kept = True, 0.0, 1
-        self._peak = np.zeros((2, marched.d))  # of p and y at the starts of steps
+        self._peak = np.zeros((2, marched.d))  # largest |p| and |y| at starts of steps
         self._moved = np.zeros(marched.d)  # sum of |changes of y|
         self._ending = None
         self._limit_steps(t_end)
         self._prefit_kernels(t_end)
 
     def _limit_steps(self, t_end):
-        """Set the longest steps and the last step of a run from here to t_end."""
+        """Set the longest step and the largest number of steps from the present time to t_end."""
         self.step_limits.begin(self.t, t_end, self.n_steps)
         self._control["next"] = min(
             self._control["next"], floor_to_grid(self.step_limits.longest[0])
@@ -363,14 +368,14 @@ class AdaptiveStepper(ResumableStepper, TangentStepper, JumpingStepper):
 
     @property
     def t(self):
-        """Time reached."""
+        """Time that the march has reached."""
         return float(self._control["origin"] + self._control["time"])
 
-    position = t  # how far the march is
+    position = t  # progress of the march
 
     @property
     def n_steps(self):
-        """Number of accepted steps."""
+        """Number of accepted steps since t = 0."""
         return int(self._state.counts["accepted"])
 
     @property
@@ -379,7 +384,7 @@ class AdaptiveStepper(ResumableStepper, TangentStepper, JumpingStepper):
         return self._orbit.bank.n_modes
 
     def _steps(self, t_stop):
-        """March towards `t_stop` by as many steps as one call makes; return their dense output."""
+        """March towards `t_stop` by a limited number of steps; return dense output or None."""
         n_rows = min(self._rows, self.step_limits.last_step - self.n_steps)
         if n_rows == 0:
             return None
@@ -421,7 +426,7 @@ class AdaptiveStepper(ResumableStepper, TangentStepper, JumpingStepper):
             if self.step_limits.is_stalled(*block):
                 status = CRAWLING
         self._peak = np.maximum(self._peak, np.abs(at_starts).max(axis=0, initial=0.0)[::-1])
-        if self.n_steps > _ROWS:  # little adds up over fewer
+        if self.n_steps > _ROWS:  # over fewer steps errors of modes hardly add up
             self._moved += np.abs(np.diff(at_starts[:, 0], axis=0)).sum(axis=0)
         if status not in (REACHED, FULL, TOO_CLOSE):
             lengths, last = (self._control["last"], self._control["next"]), self._orbit.last[0]
@@ -452,21 +457,21 @@ class AdaptiveStepper(ResumableStepper, TangentStepper, JumpingStepper):
 
     @property
     def _control(self):
-        """Step control of the march, a record."""
+        """Step control of the march, a record `CONTROL`."""
         return self._state.control
 
     def _closest(self, h):
-        """Return the distance down to which modes must hold for steps of length h and shorter."""
+        """Return the shortest time lag of the modes for steps of length h and shorter ones."""
         return self._rule.nodes[0] * h / _REFINE_BY
 
     def _limits(self, t_stop):
-        """Return the `Limits` of a march to a stop."""
+        """Return the `Limits` of a march from the origin to `t_stop`."""
         return self.step_limits.limits(
             self._marched, self._control["origin"], t_stop, self._allowed
         )
 
     def _march_on(self, steps, limits):
-        """March by ordinary steps; return the status."""
+        """March by ordinary steps in compiled code, filling `steps`; return the status code."""
         orbit = self._orbit
         basis = orbit.basis(self._transforms)
         taken = _, tables = kept_tables.take(basis, self._s, len(self._form.varying))
@@ -477,7 +482,7 @@ class AdaptiveStepper(ResumableStepper, TangentStepper, JumpingStepper):
             kept_tables.give_back(taken)
 
     def _march(self, steps, limits, stages, rule, basis, tables, arrays):
-        """March to a stop in compiled code, filling `steps`; return the status."""
+        """March by any rule in compiled code, filling `steps`; return the status code."""
         orbit, equations = self._orbit, self._orbit.equations(self._marched)
         columns, shape, d = arrays.modes.shape[:2], arrays.last.shape, self._marched.d
         columns = columns[0], columns[1] - equations.unweighted.size * d
@@ -506,7 +511,10 @@ class AdaptiveStepper(ResumableStepper, TangentStepper, JumpingStepper):
             self._orbit.shift(self._view.widened(found - x))
 
     def _singular_step(self, t_stop):
-        """Make the step of a singular start; return its dense output, or None and set `_ending`."""
+        """Make the first step after a singular start; return its dense output.
+
+        If all trial lengths fail, return None and store the reason in `_ending`.
+        """
         orbit, form, t, left = self._orbit, self._form, self.t, t_stop - self.t
         units, system = np.empty(self._marched.d), self._marched
         of_run = self._limits(t_stop)
@@ -534,7 +542,7 @@ class AdaptiveStepper(ResumableStepper, TangentStepper, JumpingStepper):
         return None
 
     def _try_step(self, h, variable, t_stop):
-        """Try a step of length h in a variable; return its row, and f, p and y at its nodes.
+        """Try a first step of length h, with polynomials in the variable u of `variable`.
 
         The compiled march tries the step. The history at the nodes is given to it in place of
         modes.
@@ -566,7 +574,7 @@ class AdaptiveStepper(ResumableStepper, TangentStepper, JumpingStepper):
         return steps, values if status in (FULL, REACHED) else None
 
     def _finish_singular_start(self, h, variable, values, t_stop):
-        """Move to the end of the step of a singular start and begin ordinary steps."""
+        """Move to the end of the first step after a singular start, and begin ordinary steps."""
         orbit, closest, t = self._orbit, self._closest(h), self.t
         if self.n_modes == 0:
             orbit.open_modes(closest, self._farthest, self._known, self.modes_tol)
@@ -578,7 +586,7 @@ class AdaptiveStepper(ResumableStepper, TangentStepper, JumpingStepper):
         self._at_singular_start = False
 
     def _begin_graded(self, t_stop):
-        """Begin with ordinary steps, the first so short that the solution hardly changes."""
+        """Begin ordinary steps; the first is so short that the solution hardly changes."""
         self._set_origin(self.t)
         least = 1e5 * self._farthest / _LARGEST_RATIO
         h = self._form.graded_first_step(self.t, t_stop - self.t, self._allowed.least, least)
@@ -595,14 +603,14 @@ class AdaptiveStepper(ResumableStepper, TangentStepper, JumpingStepper):
         self._at_singular_start = False
 
     def _begin_steps(self, h, shortest):
-        """Begin steps, the first of length h; shorter ones than `shortest` need other modes."""
+        """Set the length h of the next step; steps below the length `shortest` need more modes."""
         control = self._control
         control["next"], control["last"], control["refused"] = h, 0.0, 0.0
         control["shortest"] = shortest
 
     @property
     def _shortest(self):
-        """Length of the shortest step for which the modes hold."""
+        """Length of the shortest step for which the modes are accurate."""
         return self._orbit.closest / self._rule.nodes[0]
 
     def _prefit_kernels(self, t_end):
@@ -615,13 +623,13 @@ class AdaptiveStepper(ResumableStepper, TangentStepper, JumpingStepper):
         warn_of_fit(errors.noise, self._tolerances[0])
 
     def _refine_modes(self, closest):
-        """Refine the modes to hold at the distance `closest`."""
+        """Refine the modes so that they are accurate from the time lag `closest` on."""
         self._orbit.refine(closest)
         self._control["shortest"] = self._shortest
 
     @property
     def y(self):
-        """Solution at `t`, shape (d,); a copy."""
+        """Solution at the present time `t`, shape (d,); a copy."""
         return self._view.values(self._orbit.x[0], self._orbit.p[0])[0]
 
     @property
@@ -633,12 +641,12 @@ class AdaptiveStepper(ResumableStepper, TangentStepper, JumpingStepper):
 
     @property
     def ydot(self):
-        """First derivative at `t` where it is an unknown, NaN elsewhere; shape (d,)."""
+        """First derivative at the present time `t`, shape (d,); NaN if y' is no unknown."""
         return self._view.values(self._orbit.x[0], self._orbit.p[0])[1]
 
     @property
     def tangent(self):
-        """Tangents: derivatives of y, and of y' for orders above 1, shape (n_data, k); a copy."""
+        """Tangents, shape (n_data, k), a copy: derivatives of y, then of y' for orders above 1."""
         values, speeds = self._view.values(self._orbit.x[1:], self._orbit.p[1:])
         return np.vstack([values.T, speeds[:, self.system.second].T])
 
@@ -651,9 +659,9 @@ class AdaptiveStepper(ResumableStepper, TangentStepper, JumpingStepper):
         self._orbit.transform(matrix)
 
     def advance(self, stop, keep=True):
-        """March towards time `stop` by some steps at most; return their dense output or None.
+        """March towards time `stop` by a limited number of steps; return dense output or None.
 
-        Where the march cannot go on, or the right-hand side raised, `trouble` says why.
+        If the march cannot go on, or the right-hand side raised, `trouble` has the reason.
         """
         ahead = self._breaks[self._breaks > self.t]
         t_stop = min(stop, ahead[0]) if ahead.size else stop
@@ -667,7 +675,7 @@ class AdaptiveStepper(ResumableStepper, TangentStepper, JumpingStepper):
 
     @property
     def trouble(self):
-        """Why the march cannot go on, else None."""
+        """Reason why the march cannot go on, an `Ending`; None if it can."""
         if self._error is not None:
             return failed(self._error)
         ended = self._ending
@@ -693,22 +701,22 @@ class AdaptiveStepper(ResumableStepper, TangentStepper, JumpingStepper):
 
     @property
     def health(self):
-        """Whether kernels keep the tolerance, and a force that steps missed."""
+        """Misfit of the kernels to the tolerance, and the time of a force that steps missed."""
         misfit = self._orbit.kernels.errors.misfit(self._tolerances[0])
         return Health(misfit=misfit, missed=float(self._control["missed"]))
 
     def set_breaks(self, times, t_end):
-        """Begin the steps anew at these times."""
+        """Set the times at which the march makes a singular start, because f may jump there."""
         at_once, self._breaks = breaks_ahead(times, self.t, t_end, self.system.frame.start)
         self._at_singular_start |= at_once
 
     @property
     def live_params(self):
-        """Parameters of the right-hand side, which the next steps read."""
+        """Parameters of the right-hand side; a change applies to the next step."""
         return self._marched.compiled_params
 
     def stats(self):
-        """Return counts and error estimates for the solution's stats."""
+        """Return the counts and error estimates that `Solution.stats` has."""
         return {
             "n_steps": self.n_steps,
             "n_rejected": int(self._state.counts["refused"]),
@@ -729,11 +737,11 @@ class AdaptiveStepper(ResumableStepper, TangentStepper, JumpingStepper):
         return float(of_steps + of_modes + _OF_ROUNDING * self.n_steps)
 
     def state(self):
-        """Return a `State` from which a later run continues."""
+        """Return a `State` from which a later run can continue."""
         return state_of(self, self._scheme, Tolerance(*self._tolerances, self.modes_tol))
 
     def restore(self, state, allow_change=False):
-        """Continue from `state`; `allow_change` admits another right-hand side or parameters."""
+        """Continue from `state`; `allow_change` admits a changed right-hand side or parameters."""
         changed = check_identity(state.identity, self.identity(state.t), allow_change)
         reach = state.checkpoint[1].farthest
         refuse_late(self.system, self._t_end)
@@ -777,7 +785,7 @@ class AdaptiveStepper(ResumableStepper, TangentStepper, JumpingStepper):
         self._settle()
 
     def set_parameter(self, number, value):
-        """Set a parameter of the right-hand side, which jumps."""
+        """Set a parameter of the right-hand side, and begin anew because f jumps."""
         self._marched.compiled_params[number] = value
         self._at_singular_start = True
         self._settle()

@@ -1,15 +1,17 @@
 """Fractional differential equations as systems of weakly singular integral equations.
 
-Let p = y for components of order up to 1, and p = y' above. Every component satisfies
+Let p = y for components of order up to 1, and p = y' for higher orders. Every component satisfies
 ``p = p(0) + sum_k c_k J**a_k (q_k - o_k)``, 0 < a_k <= 1. The integrand q is the right-hand side
-f, p or y, and o is a constant. The highest term ``b D**alpha`` gives c = 1/b and
-a = alpha - m + 1 with q = f. A lower term ``b_j D**alpha_j`` gives c = -b_j/b and
-``J**(alpha - alpha_j)`` of p, minus p(0) if it has as many derivatives. If that order would exceed
-1, it is ``J**(alpha - alpha_j - 1)`` of y - y(0).
+f, p or y, and o is a constant. ``J**a`` is the fractional integral of order a from 0, and m is
+alpha rounded up. The highest term ``b D**alpha`` gives c = 1/b and a = alpha - m + 1 with q = f.
 
-Terms with general kernels or varying orders have no such integrals and are subtracted from the
-right-hand side. Where they contain the highest derivative, p is found from the balance of
-right-hand side and terms, and p' is among the integrands.
+A lower term ``b_j D**alpha_j`` gives c = -b_j/b and ``J**(alpha - alpha_j)`` of p. The integrand is
+p - p(0) if alpha_j, rounded up, is m as well. If the order alpha - alpha_j exceeds 1, the term is
+``J**(alpha - alpha_j - 1)`` of y - y(0) instead.
+
+Terms with general kernels or varying orders are no such integrals; they are subtracted from the
+right-hand side. If they contain the highest derivative, the row of p is *implicit*: p follows from
+the balance of right-hand side and terms, and p' is an integrand.
 """
 
 from collections import Counter
@@ -44,20 +46,20 @@ class Form:
     Attributes
     ----------
     terms : ndarray of `TERM`, shape (n,)
-        Convolution terms: row, integrand (collocation/newton.py), index of the order or kernel,
-        and coefficient. Row c < d is p of component c, row d + c the terms subtracted from its
-        right-hand side. The index is -1 where the integrand itself enters.
+        Convolution terms: row, integrand (f, p, y or p'), index of the order or kernel, and
+        coefficient. Row c < d is p of component c, row d + c the terms subtracted from its
+        right-hand side. The index is -1 if the term is the integrand itself.
     offset_of : ndarray of int64, shape (n,)
-        Constant subtracted from the integrand: 0 none, 1 p(0), 2 y(0).
+        Constant subtracted from the integrand of each term: 0 none, 1 p(0), 2 y(0).
     orders : ndarray, shape (n_a,)
         Orders of integration in (0, 1], ascending; the last one is 1.
     second : ndarray of int64, shape (d,)
-        1 where the primary unknown is y'.
+        1 if the primary unknown p of a component is y', 0 if it is y.
     generators : tuple of float
-        Numbers whose sums are the exponents of t in f, p and y near 0.
+        Numbers whose sums are the exponents of t in f, p and y near t = 0.
     implicit : ndarray of int64, shape (d,)
-        1 where p is found from the balance of right-hand side and terms, 2 where there are no terms
-        (`ALGEBRAIC`); row c is then empty.
+        1 if p follows from the balance of right-hand side and terms, 2 (`ALGEBRAIC`) if the
+        component has no terms, else 0. Row c is empty in the first two cases.
     kernels : tuple of MemoryKernel
         General kernels; their indices follow those of the orders.
     varying : tuple of VaryingOrder
@@ -85,7 +87,7 @@ class Form:
     def groups(self) -> list["Group"]:
         """Return the convolution terms in groups, whose terms differ by their rows alone.
 
-        No row is twice in a group.
+        Each row occurs at most once in a group.
         """
         found: dict[tuple, list] = {}
         repeats: Counter = Counter()
@@ -125,12 +127,15 @@ class Form:
 
     @cached_property
     def n_integrands(self) -> int:
-        """Number of integrands that a step stores: 3, or 4 with p'."""
+        """Number of integrands that a step stores: f, p and y, and p' if any term has it."""
         return 4 if (self.terms["integrand"] == SLOPE).any() else 3
 
     @cached_property
     def unweighted(self) -> np.ndarray:
-        """Integrands of terms with varying orders, whose modes have no weights; ascending."""
+        """Numbers of the integrands of terms with varying orders, ascending.
+
+        Their modes are stored without weights.
+        """
         first = self.orders.size + len(self.kernels)
         if not self.varying:
             return np.zeros(0, dtype=np.int64)
@@ -154,7 +159,7 @@ class Form:
             integrand = SLOPE if self.implicit[c] else FORCE
             own = (self.terms["row"] % d == c) & (self.terms["integrand"] == integrand)
             places = self.terms["index"][own].tolist()
-            if not places:  # p follows from the others
+            if not places:  # this p follows from other components
                 continue
             powers = [self._start_power(k, integrand, t) for k in places]
             found.append(max(powers) if self.implicit[c] else min(powers))
@@ -163,7 +168,11 @@ class Form:
         return min(1.0, *found)
 
     def graded_first_step(self, t: float, left: float, atol: float, least: float = 0.0) -> float:
-        """Return the length of a first step from t over which a singular p hardly changes."""
+        """Return the length of a first step from t over which p hardly changes.
+
+        A change of p like ``((time - t) / left)**e`` is then at most `atol`, with e as in
+        `start_exponent`. `left` is the time to the next stop, and `least` the shortest length.
+        """
         return max(least, left * min(1e-2, atol ** (1 / self.start_exponent(t))))
 
     def _start_power(self, k, integrand, t):
@@ -182,7 +191,7 @@ class Form:
 
 
 class Group(NamedTuple):
-    """Convolution terms that differ by their rows alone.
+    """Convolution terms of a `Form` that differ by their rows alone.
 
     The integrand, the index of the order or kernel, and the coefficient are as in `Form`. `rows`
     and the numbers of the terms have the shape (n,).
@@ -198,9 +207,9 @@ class Group(NamedTuple):
 class _Row(NamedTuple):
     """One convolution term of a row of equations.
 
-    It is the integral J**a of `order` a, or the convolution of `operator`, which has a general
-    kernel or a varying order. With neither it is the integrand itself. `offset` is as in
-    `Form.offset_of`.
+    If `order` a is given, the term is the fractional integral J**a of the integrand. If `operator`
+    is given, the term is the convolution with its general kernel or varying order. If neither is
+    given, the term is the integrand itself. `offset` is an entry of `Form.offset_of`.
     """
 
     row: int
@@ -306,7 +315,10 @@ def _place(row, places):
 
 
 def _integral_rows(system, c, highest, second, leading):
-    """List the convolution terms of a component whose highest derivative is inverted."""
+    """Return the convolution terms of component c if its highest derivative can be integrated.
+
+    `highest` is its order, and `leading` its coefficient. `second` is 1 if p is y'.
+    """
     rows = [_Row(c, FORCE, 1 / leading, float(highest - second))]
     for operator, coefficients in system.left:
         factor = -coefficients[c] / leading
@@ -321,7 +333,7 @@ def _integral_rows(system, c, highest, second, leading):
                 rows.append(_subtracted_row(operator, coefficients[c], c, system.d, second))
             continue
         a = float(highest - operator.order)
-        taken = not operator.from_zero  # of y alone, or of what y differs from its initial value
+        taken = not operator.from_zero  # true for Caputo: an initial value is subtracted
         if not second or operator.order > 1:
             rows.append(_Row(c, PRIMARY, factor, a, offset=1 * taken))
         elif a <= 1:
@@ -332,7 +344,10 @@ def _integral_rows(system, c, highest, second, leading):
 
 
 def _derivative_rows(system, c, second):
-    """List the convolution terms of a component that is solved from the balance of its terms."""
+    """Return the convolution terms of a component c with an implicit row; `second` is 1 if p = y'.
+
+    All of them are subtracted from the right-hand side.
+    """
     present = [(operator, own[c]) for operator, own in system.left if own[c] != 0]
     rows = []
     for operator, coefficient in present:
@@ -346,15 +361,19 @@ def _derivative_rows(system, c, second):
 
 
 def _subtracted_row(operator, coefficient, c, d, second):
-    """Return the convolution term of an operator that is subtracted from f."""
+    """Return the convolution term of an operator that is subtracted from f of component c.
+
+    d is the number of components; `second` is 1 if p of component c is y'.
+    """
     integrand = (POSITION, PRIMARY, SLOPE)[operator.derivative - second + 1]
     return _Row(d + c, integrand, coefficient, operator=operator)
 
 
 def _generators(increments):
-    """Return the numbers whose sums are the exponents of t in the solution near 0.
+    """Return the generators, numbers whose sums are the exponents of t in the solution near 0.
 
-    They are 1 and the amounts by which integrals raise exponents, without sums of few smaller ones.
+    They are 1 and the `increments`, the amounts by which integrals raise exponents. An increment is
+    left out if it is a sum of up to `_MOST_IN_SUM` smaller ones.
     """
     kept: list[float] = []
     for g in sorted({*increments, 1.0}):

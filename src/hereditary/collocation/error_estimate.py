@@ -1,4 +1,11 @@
-"""Error estimates of a collocation step, and their ratio to the tolerance."""
+"""Error estimates of a collocation step, and their ratio to the tolerance.
+
+Letters of shapes: d components, s nodes, M modes, n_k general kernels, n_q integrands (f, p and y,
+and p' if needed). Components of one kind have the same terms and share the K rows of matrices. The
+primary unknown p is y, or y' for orders above 1. `m` is an `AdaptiveWork`, `m.room` its workspace.
+The defect of f is the difference of f and its polynomial through the nodes. Row d + c has the terms
+that are subtracted from f of component c.
+"""
 
 import math
 
@@ -14,8 +21,8 @@ from .structures import ALGEBRAIC
 # Least relative tolerance of tangents. Tangents that have decayed consist of rounding errors, which
 # grow when tangents are normalised.
 _TANGENT = 1e-9
-# Least size of a derivative by a parameter p, as fraction of y / p: differences of f have errors
-# of 1e-10 of f / p, which may be larger than a small derivative's tolerance.
+# Least size of a derivative by a parameter p, as fraction of y / p. Difference quotients of f have
+# errors of 1e-10 of f / p, which may exceed the tolerance of a small derivative.
 _OF_QUOTIENT = 0.1
 # Rounding error of the unknown p, as a fraction of p(0).
 _ROUNDING = 1e-14
@@ -29,7 +36,8 @@ _HIDDEN = 0.03
 _DEFECT_WEIGHT = 0.3
 # Rounding error of f, as a fraction of |J| |y|, with its growth by the polynomial.
 _NOISE = 2e-14
-# Defect of f, in units of Newton's goal, from which the equations are checked again.
+# Change of p by the defect of f, in units of Newton's goal, above which the equations are evaluated
+# again at the nodes.
 _CHECK_BEYOND = 100.0
 # Residual from which this check rejects the step, in units of Newton's goal.
 _UNSOLVED = 10.0
@@ -62,13 +70,15 @@ SMALL = 1e-6
 
 @inner
 def estimate_error(m, h, local, values, p0, errors):
-    """Estimate the error of p by the next Legendre coefficient of each integrand, integrated.
+    """Set `errors` (d,) to estimates of the error of p over a step of length h.
 
-    The resulting defect is damped by the equations where these are stiff, and never amplified.
-    Coefficients of f within its rounding error are ignored, for no step makes them smaller. The
-    error is at least that of p as the dense output interpolates it.
+    The first omitted Legendre coefficient of each integrand is extrapolated and integrated. The
+    equations damp the resulting residual if they are stiff; they never amplify it. Coefficients of
+    f within its rounding error are ignored, because no shorter step makes them smaller. The
+    estimate is at least the interpolation error of p in dense output.
     """
-    # local (n_k, s, s), matrices (K, 3, s, s), values (n_q, d, s), p0, errors (d,)
+    # local (n_k, s, s): convolutions over the step; matrices (K, 3, s, s); values (n_q, d, s): the
+    # integrands; p0 (d,): p(0)
     equations, legendre, matrices, room = m.equations, m.rule.legendre, m.operators.matrices, m.room
     terms, orders, kinds = equations.terms, equations.orders, equations.kinds
     start_scales, force_scales = room.start_scales, room.force_scales
@@ -140,14 +150,14 @@ def measure_force_defect(m, h):
     through their values at the nodes, so a linear f has no defect. If the polynomial of y misses
     the start by far more than the tolerance, the difference at the start counts as well.
     """
-    # x_start, p0 (d,)
+    # x_start (d,): y at the start of the step; p0 (d,): p(0)
     x_start, p0, point, sizes = m.orbit.x[0], m.orbit.initial[0], m.room.point, m.room.sizes
     misses_start = False
     clear(m.room.defect)
     for i in range(FIRST_LOOK):
         set_point(m, h, i)
         for c in range(point.shape[0] if i == 0 else 0):
-            size = max(abs(x_start[c]), abs(p0[c]))  # a singular start may err by this much
+            size = max(abs(x_start[c]), abs(p0[c]))  # p(0) as well, for a singular start
             allowed = _MISSED * allowed_error(c, size, sizes[c], 0, 1.0, m.limits)
             misses_start = misses_start or abs(point[c] - x_start[c]) > allowed
         update_force_defect(m, i, point)
@@ -236,7 +246,11 @@ def largest_of(values, first, many):
 
 @inner
 def defect_matters(m):
-    """Return whether the defect of f, undamped, would move p beyond Newton's goal."""
+    """Return whether the defect of f, integrated over the step, moves p far beyond Newton's goal.
+
+    A damping by the equations is not considered. Defects within the rounding error of f are
+    ignored.
+    """
     sums, kinds, force_scales = m.operators.sums, m.equations.kinds, m.room.force_scales
     force_defect, goal = m.room.defect, m.room.goal
     for c in range(force_defect.shape[0]):
@@ -270,9 +284,9 @@ def equations_hold(m):
 
 @inner
 def add_force_defect(m):
-    """Raise the errors (d,) to the error of p that the defect of f causes.
+    """Raise `m.room.errors` (d,) to a fraction of the error of p that the defect of f causes.
 
-    A defect within the rounding error of f is ignored.
+    Defects within the rounding error of f are ignored.
     """
     sums, kinds, force_scales = m.operators.sums, m.equations.kinds, m.room.force_scales
     errors, force_defect, d, s = m.room.errors, m.room.defect, kinds.shape[0], sums.shape[1]
@@ -302,7 +316,6 @@ def legendre_tail(legendre, values, rounding):
     and taken as small. If all coefficients were equal, steps would be rejected although no shorter
     step is better.
     """
-    # values (s,)
     s = values.shape[0]
     last, before, earlier, decay = 0.0, 0.0, 0.0, 1.0
     for k in range(max(0, s - 4), s):
@@ -373,7 +386,7 @@ def raise_small(quantities, fraction, sizes):
 
 @entry(IVEC, F8, VEC)
 def raise_small_once(quantities, fraction, sizes):
-    """Call `raise_small` from Python."""
+    """Call the compiled function `raise_small` from Python."""
     raise_small(quantities, fraction, sizes)
 
 
@@ -425,7 +438,7 @@ def error_ratio(m, h):
 
 @inner
 def orbit_error(m, h, slot):
-    """Estimate the error of a solved step, and subtract terms from f.
+    """Estimate the error of a solved step of the orbit; return its ratio to the tolerance.
 
     Return the ratio of error to tolerance, and whether only the defect of f between the nodes makes
     it exceed 1.
@@ -452,7 +465,10 @@ def orbit_error(m, h, slot):
 
 @inner
 def tangents_error(m, h, slot):
-    """Return the largest ratio of error to tolerance of solved tangents; subtract terms from f."""
+    """Return the largest ratio of error to tolerance of the solved tangents.
+
+    In `m.room.values` f becomes f minus the terms of rows d + c, and p' is set if needed.
+    """
     p, values, base = m.orbit.p, m.room.values, m.room.base
     subtract_from_forces(m.equations.kinds, m.operators.matrices, base[1:], values[1:])
     if values.shape[1] > SLOPE:

@@ -1,4 +1,10 @@
-"""March of collocation steps whose lengths the tolerance chooses."""
+"""March of collocation steps whose lengths keep the tolerance.
+
+Letters of shapes: d components, R rows of the equations, s nodes, M modes, n_q integrands (f, p and
+y, and p' if needed), k tangents. Row c < d is p of component c, row d + c the terms subtracted from
+its f. The primary unknown p is y, or y' for orders above 1. `m` is an `AdaptiveWork`, `m.room` its
+workspace.
+"""
 
 import numpy as np
 
@@ -79,13 +85,13 @@ def attempt(march, t, h, slot):
     set_units(equations, room.sizes, orbit.x[0], limits, room.units)
     set_starts(orbit, equations.second, room.starts)
     solved = False
-    for _ in range(2 if begins else 1):  # the first solution has the sizes of what begins at 0
+    for _ in range(2 if begins else 1):  # a quantity of size 0 gets its size from a first solution
         set_newton_goal(m, h)
         solved = solve_stages(m, h)
         if not solved:
             break
         raise_sizes(values[0], room.sizes)
-        if begins:  # kept, also if the step is refused
+        if begins:  # these sizes remain if the step is rejected
             raise_sizes(values[0], state.sizes)
         raise_small(equations.quantities, SMALL, room.sizes)
     ratio, by_defect = np.inf, False
@@ -151,7 +157,7 @@ def set_units(equations, sizes, x, limits, out):
 
 @entry(Reference(compiled_type(Equations)), VEC, VEC, Reference(compiled_type(Limits)), VEC)
 def set_units_once(equations, sizes, x, limits, out):
-    """Call `set_units` from Python, before the first step of a run."""
+    """Call the compiled function `set_units` from Python, for the first step after a start."""
     set_units(equations, sizes, x, limits, out)
 
 
@@ -166,7 +172,7 @@ def raise_sizes(values, sizes):
 
 @inner
 def set_newton_goal(m, h):
-    """Set the error of p that Newton's method may leave, (d,).
+    """Set the error of p that Newton's method may leave, `m.room.goal` (d,).
 
     For p = y' it is at least the error that rounding of y causes through terms of y. That part is
     at most the change of p that moves y by its rounding over the step. For a small component the
@@ -197,7 +203,7 @@ def extrapolate(m, h):
     Differences from p at the end of the last step are extrapolated, so that a constant is exact.
     The change in the workspace, (d s,), is set to p minus the extrapolated values.
     """
-    # last, out (d, s), p (d,); reached (s, s): from the last values to the nodes ahead
+    # last, out (d, s): p at the nodes of the last and of the next step; reached (s, s): weights
     nodes, legendre, p, h_last = m.rule.nodes, m.rule.legendre, m.orbit.p[0], m.state.control.last
     last, out = m.orbit.last[0, PRIMARY], m.room.values[0, PRIMARY]
     reached, change = m.room.reached, m.room.change
@@ -218,9 +224,12 @@ def extrapolate(m, h):
             out[c, i], change[c * s + i] = total, p[c] - total
 
 
-# Status codes of a march: stop reached, rows full, modes not close enough, no step small enough for
-# the error or for Newton's method, tables of varying orders needed for the next step, right-hand
-# side jumps, no progress.
+# Status codes of a march.
+# - REACHED: the march reached the stop. FULL: the arrays of accepted steps are full.
+# - TOO_CLOSE: the next step is too short for the modes.
+# - TOO_ROUGH: no step is short enough for the tolerance. NEWTON_FAILED: none for Newton's method.
+# - ORDERS_NEEDED: the next step needs tables of varying orders, which Python fills.
+# - JUMPING: the right-hand side jumps. CRAWLING: steps stay short without progress.
 REACHED, FULL, TOO_CLOSE, TOO_ROUGH, NEWTON_FAILED, ORDERS_NEEDED, JUMPING, CRAWLING = range(8)
 # Largest ratio of a step to the step before.
 _GROW = 3.0
@@ -234,7 +243,7 @@ _WORTH = 2.0
 
 @inner
 def take_steps(march):
-    """Make steps until a stop, or until the march cannot go on by itself."""
+    """Make steps until the stop, or until Python has to act; return their number and the status."""
     m = march.work
     rule, equations, varying, orbit, limits = m.rule, m.equations, m.varying, m.orbit, m.limits
     control, counts, stages = m.state.control, m.state.counts, m.stages
@@ -256,7 +265,7 @@ def take_steps(march):
             first = local.shape[1] - varying.integrals.shape[0]
             put_cube(varying.integrals, local[slot, first:])
             assemble_operators(h, equations, rule, local[slot], m.operators)
-        if equations.unweighted.shape[0] > 0:  # orders that vary change matrices at any length
+        if equations.unweighted.shape[0] > 0:  # varying orders change the matrices in every step
             stages.control[LENGTH] = 0.0
         assembled_for = h
         ratio, solved, by_defect = attempt(march, t, h, slot)
@@ -290,7 +299,7 @@ def take_steps(march):
 
 @entry(ADAPTIVE_MARCH, announced="the march of collocation", allocates=False)
 def march_adaptive(march):
-    """March until `limits.stop`; return the accepted steps and a status code."""
+    """March until `limits.stop`; return the number of accepted steps and a status code."""
     m = march.work
     equations, room = m.equations, m.room
     put(m.state.sizes, room.sizes)
@@ -303,7 +312,10 @@ def march_adaptive(march):
 
 @plug_in
 def solve_for_tangents(m, h, slot):
-    """Solve a step for the tangents; return the ratio of their error to its tolerance."""
+    """Solve a step of length h for the tangents; return the ratio of error to tolerance.
+
+    The result is infinite if the equations of the tangents could not be solved.
+    """
     return tangents_error(m, h, slot) if solve_tangent_stages(m, h) else np.inf
 
 
@@ -377,7 +389,7 @@ def next_length(h, planned, ratio, was_refused, order):
 
 @inner
 def lowest_order(equations):
-    """Return the smallest order of integration that occurs."""
+    """Return the smallest order of the fractional integrals in the equations, at most 1."""
     terms, lowest = equations.terms, 1.0
     for n in range(terms.shape[0]):
         if 0 <= terms[n].index < equations.orders.shape[0]:
@@ -387,10 +399,10 @@ def lowest_order(equations):
 
 @inner
 def absorb_constant_mode(rates, orbit):
-    """Move the content of a mode of rate 0 into p(0).
+    """Move the content of a mode of rate 0 into p(0), for the orbit and the tangents.
 
-    In a classical equation both would grow without bound and cancel, and a decaying tangent would
-    be lost in their rounding errors.
+    In a classical equation the mode and p(0) would grow without bound and cancel. Their rounding
+    errors would hide a decaying tangent.
     """
     if rates.shape[0] > 0 and rates[0] == 0.0:
         initial, modes = orbit.initial, orbit.modes

@@ -5,6 +5,10 @@ satisfies ``p(t) = p(0) + sum_k c_k J**a_k (q_k - o_k)`` with orders of integrat
 coefficients c, integrands q among f, p and y, and constants o. On a step the integrands are
 polynomials through their values at s nodes, whose fractional integrals over the step are exact. The
 history before the step is a sum of exponential modes, advanced by exact moments.
+
+Letters of shapes: d components, s nodes, R rows of the equations, k tangents. `m` is an
+`AdaptiveWork`, and `m.room` its workspace. x is y at the nodes. An *algebraic row* is 0 = f, the
+equation of a component without a derivative.
 """
 
 import numpy as np
@@ -31,9 +35,10 @@ _HALVED = 4
 _TANGENT_SWEEPS = 30
 # Relative change of a tangent at which these iterations end.
 _TANGENT_GOAL = 1e-11
-# Relative change of p by rounding.
+# Least relative change of p at which Newton's method converges, for components without a size.
 _ROUNDING = 1e-14
-# Absolute change of p by rounding.
+# Least absolute change of p at which Newton's method converges; a component whose goal is below
+# this has no size yet.
 _LEAST = 1e-202
 # Allowed change of p in components whose size is still unknown, as a fraction of the largest p.
 _OF_LARGEST = 1e-10
@@ -41,10 +46,10 @@ _OF_LARGEST = 1e-10
 
 @inner
 def nodal_slopes(h, inverse, start, p, out):
-    """Set `out` (d, s) to p' at the nodes, of the polynomial with these values of p.
+    """Set `out` (d, s) to p' at the nodes of a step of length h, from the polynomial of p.
 
-    p (d, s) are its values at the nodes, `start` (d,) that at the step's start. The argument
-    `inverse` (s, s) is the inverse of the matrix of integrals of order 1.
+    p (d, s) are its values at the nodes, `start` (d,) its values at the start of the step. The
+    matrix `inverse` (s, s) is the inverse of the integrals of order 1.
     """
     for c in range(p.shape[0]):
         for i in range(p.shape[1]):
@@ -56,8 +61,8 @@ def nodal_slopes(h, inverse, start, p, out):
 
 @inner
 def positions(m, h, p, x_start, x):
-    """Set y at the nodes: p itself, or the integral of p from `x_start` where p is y'."""
-    # p, x (d, s), x_start (d,); integral (s, s) of order 1
+    """Set x (d, s) to y at the nodes: p (d, s) or, where p is y', `x_start` plus its integral."""
+    # x_start (d,): y at the start of the step; integral (s, s): integrals of order 1
     second, integral = m.equations.second, m.rule.integrals[m.equations.orders.shape[0] - 1]
     for c in range(p.shape[0]):
         for i in range(p.shape[1]):
@@ -88,7 +93,11 @@ def forces(m, x, f):
 
 @inner
 def factorise_newton(m, h, p, jacobians):
-    """Factorise Newton's matrix with the Jacobians of the stages; return whether it is regular."""
+    """Factorise the matrix of Newton's method for a step of length h; return if it is regular.
+
+    `jacobians` has one Jacobian for all nodes, or one for each node. p (d, s) only has the shape
+    that the solver needs.
+    """
     stages, matrices, over_step = m.stages, m.operators.matrices, m.stages.integral
     integral = m.rule.integrals[m.equations.orders.shape[0] - 1]  # of order 1
     few = stages.jacobians.shape[0] > 1
@@ -97,7 +106,7 @@ def factorise_newton(m, h, p, jacobians):
     for i in range(integral.shape[0]):
         for j in range(integral.shape[0]):
             over_step[i, j] = integral[i, j] if few else h * integral[i, j]
-    if few:  # solved here, for the call of a function value takes longer
+    if few:  # factorised here, because the call of a function value takes longer
         stage_matrix(stages, h, jacobians, stages.dense[0, 1], stages.joint)
         return factorise(stages.joint, stages.dense[0, 0])
     return m.solver(FACTORISE, p, stages) == 0
@@ -116,7 +125,7 @@ def solve_newton(m):
 
 @inner
 def solve_stages(m, h):
-    """Solve for p at the nodes by Newton's method, starting from the given values.
+    """Solve a step of length h for p at the nodes by Newton's method; return if it converged.
 
     The workspace has the change from p at the start to these values, negated. The function returns
     whether p is accurate to the goal, (d,). It sets y, and f corrected to first order for the last
@@ -152,14 +161,14 @@ def solve_stages(m, h):
         if control[LENGTH] != h:
             control[LENGTH] = 0.0
             if not factorise_newton(m, h, p, jacobians):
-                control[KEPT] = 0.0  # it may hold what is no number
+                control[KEPT] = 0.0  # the Jacobian may contain NaN
                 if sweep > 0 or not iterate_once(m, p, x, f):
                     return False
                 positions(m, h, p, x_start, x)
                 jacobians = stages.jacobians
                 continue
             control[LENGTH], previous = h, np.inf
-        if previous == np.inf:  # of y as it is guessed: a stiff solution falls far below its start
+        if previous == np.inf:  # scales at the guess: a stiff y may be far below its start
             for c in range(room.starts.shape[0]):
                 room.point[c] = x[c, s - 1]
             magnitudes(jacobians[0], room.point, room.force_scales)
@@ -180,7 +189,7 @@ def solve_stages(m, h):
             if rate > 0.9 and sweep > 5:
                 control[KEPT] = 0.0
                 return False
-            if not fresh:  # one of an earlier step
+            if not fresh:  # the Jacobian is that of an earlier step
                 control[KEPT] = 0.0
         previous = size
     control[KEPT] = 0.0
@@ -258,7 +267,7 @@ def take_change(change, goal, p):
     for c in range(p.shape[0]):
         allowed = goal[c]
         for i in range(p.shape[1]):
-            if goal[c] <= _LEAST:  # what begins at 0 has no size yet
+            if goal[c] <= _LEAST:  # a component that begins at 0 has no size yet
                 allowed = max(_ROUNDING * abs(p[c, i]), _OF_LARGEST * largest, _LEAST)
             size = max(size, abs(change[c * p.shape[1] + i]) / allowed)
     return size
@@ -281,12 +290,16 @@ def contraction_rate(size, previous, h, contraction):
 
 @inner
 def residuals(m, base, p, x, f):
-    """Set the residuals p - base - integrals at all nodes, in the order (c, i)."""
+    """Set `m.room.residual` (d s,) to p - base - integrals at the nodes; that of 0 = f is -f.
+
+    p, x (= y) and f (d, s) are values at the nodes. `base` (R, s) is the known part of the rows.
+    Residuals are ordered by component c, then by node i.
+    """
     kinds, columns, out, (d, s) = m.equations.kinds, m.operators.columns, m.room.residual, p.shape
     of_force_alone = m.operators.alone
     for c in range(d):
         kind, first = kinds[c], c * s
-        if m.equations.implicit[c] == ALGEBRAIC:  # p, with its factor of 0, would hide a small f
+        if m.equations.implicit[c] == ALGEBRAIC:  # p, with the factor 0, would hide a small f
             for i in range(s):
                 out[first + i] = -f[c, i]
             continue
@@ -297,7 +310,7 @@ def residuals(m, base, p, x, f):
             by_f, a = own[FORCE, j], f[c, j]
             for i in range(s):
                 out[first + i] -= by_f[i] * a
-        for j in range(0 if alone else s):  # f and terms may cancel: added first
+        for j in range(0 if alone else s):  # f and terms may cancel: summed before the subtraction
             by_f, by_p, by_x = own[FORCE, j], own[PRIMARY, j], own[POSITION, j]
             a, b, e = f[c, j], p[c, j], x[c, j]
             for i in range(s):
@@ -306,12 +319,12 @@ def residuals(m, base, p, x, f):
 
 @inner
 def solve_tangent_stages(m, h):
-    """Solve the step, linearised along the orbit, for the tangents' values at the nodes.
+    """Solve a step of length h, linearised along the orbit, for the tangents; False if it fails.
 
-    These are the right-hand side f, the primary unknown p (y' where `second` is 1, else y) and y,
-    columns 1 to k. Column 0, the orbit, must solve the step already. Of few components the factors
-    are renewed with the Jacobian of each node; of many those of the orbit are used until the
-    equations hold. Returns whether they do.
+    `m.room.values` gets f, p and y of the k tangents at the nodes, in columns 1 to k. Column 0 must
+    have the solution of the orbit already. If components are few, Newton's matrix is factorised
+    anew with the Jacobian at each node, and one iteration is exact. If they are many, the factors
+    of the orbit are used, and iterations continue until they converge.
     """
     room, values, x_start, jacobians = m.room, m.room.values, m.orbit.x, m.room.jacobians
     s, few, of_orbit = values.shape[3], m.stages.jacobians.shape[0] > 1, m.stages.jacobians

@@ -1,8 +1,12 @@
 """Orbit and tangents of an adaptive march, with their history.
 
-Index 0 is the orbit, the others are its derivatives along given directions. Each has present
-values, initial values, and a history: the modes, and the last step, which lies closer than the
-modes hold.
+Index 0 of an array is the orbit; indices 1 to k are tangents, its derivatives along given
+directions. Each has present values, initial values, and a history. The history is the exponential
+modes and the values on the last step, whose time lag is too short for the modes.
+
+Letters of shapes: d components, s nodes, R rows of the equations, M modes, n convolution terms, n_q
+integrands (f, p and y, and p' if needed). The primary unknown p is y, or y' for orders above 1. Row
+c < d is p of component c, row d + c the terms subtracted from its right-hand side.
 """
 
 from __future__ import annotations
@@ -31,31 +35,33 @@ class OrbitAndTangents:
     y0 : ndarray, shape (1 + k, m, d)
         Initial values of the orbit and their derivatives along each direction.
     n_nodes : int
-        Nodes of an ordinary step.
+        Number of nodes of an ordinary step.
 
     Attributes
     ----------
     x, p : ndarray, shape (1 + k, d)
         Present values of y and of the primary unknown.
     initial, offsets : ndarray, shape (1 + k, d) and (1 + k, n)
-        The first is p(0) plus the content of modes of rate 0, or 0 where p is implicit. The second
-        are constants subtracted from the integrand of each convolution term, in the steps to come.
+        `initial` is p(0) plus the content of modes of rate 0, or 0 if the row of p is implicit.
+        `offsets` are the constants subtracted from the integrands of the n convolution terms in
+        later steps.
     modes, before : ndarray, shape (1 + k, R, M)
-        Modes of each row now and at the start of the last step. Rows of unweighted modes, d for
-        each integrand of varying orders, follow the others. The last axis is that of `bank`.
+        Modes of each row at the present time and at the start of the last step. Varying orders have
+        modes without weights in d further rows for each of their integrands, which come last. The M
+        modes are ordered as in `bank`.
     last : ndarray, shape (1 + k, 3 or 4, d, s)
         f, p and y, and p' where it is an integrand, at the nodes of the last ordinary step.
     power_laws : PowerLawBasis
     kernels : KernelBasis
     varying : VaryingBasis
     bank : Bank
-        The sums of power laws, general kernels and varying orders, in this order. The weights of
-        the last are 0.
+        The sums of power laws, general kernels and varying orders, in this order. Varying orders
+        have weights of 0 there.
     of_varying : ndarray, shape (M,)
         1 for the modes of varying orders, 0 for others.
     weights, masses : ndarray, shape (n_a + n_k, M) and (n_k,)
-        Weights of the modes for each fractional integral and general kernel, and point masses of
-        the kernels; varying orders, counted in n_k here, have zeros.
+        Weights of the modes for each of n_a fractional integrals and n_k kernels, and point masses
+        of the kernels at time lag 0. Varying orders are counted in n_k and have zeros.
     """
 
     def __init__(self, form, y0, n_nodes):
@@ -83,26 +89,29 @@ class OrbitAndTangents:
 
     @property
     def farthest(self):
-        """Distance up to which all modes hold; 0 before modes are opened."""
+        """Largest time lag at which all modes are accurate; 0 before the first fit."""
         return min(self.power_laws.farthest, self.kernels.farthest)
 
     @property
     def closest(self):
-        """Smallest distance at which all modes hold."""
+        """Smallest time lag at which all modes are accurate."""
         return max(self.power_laws.closest, self.varying.closest)
 
     def __getstate__(self):
-        """Return the attributes without the form, whose functions may not pickle."""
+        """Return the attributes for pickling.
+
+        The form is left out because its functions may not pickle, and arrays that `_join` computes.
+        """
         left_out = ("bank", "weights", "masses", "of_varying", "_form")
         return {name: value for name, value in vars(self).items() if name not in left_out}
 
     def adopt(self, form):
-        """Attach the form that a stored state leaves out."""
+        """Attach the form, which a pickled orbit does not contain."""
         self._form = form
         self._join()
 
     def _join(self):
-        """Merge the three bases into one bank."""
+        """Merge the modes of power laws, general kernels and varying orders into one bank."""
         n_varying, size = len(self._form.varying), self.varying.rates.size
         varying = Bank(self.varying.rates, np.zeros((n_varying, size)))
         self.bank = bank = Bank.of([self.power_laws, *self.kernels.sums, varying])
@@ -112,24 +121,24 @@ class OrbitAndTangents:
         self.of_varying[bank.n_real - size : bank.n_real] = 1.0
 
     def basis(self, transforms):
-        """Return the bases in the form of compiled code, with these transforms of a step."""
+        """Return the modes as an `ExponentialBasis`, with its field `transforms`."""
         rates, n = self.bank.rates, self.bank.n_real
         parts = np.ascontiguousarray(rates[:n].real), rates[n:].astype(complex)
         return ExponentialBasis(*parts, self.weights, self.masses, transforms)
 
     def equations(self, system):
-        """Return the integral equations of the system in the form of compiled code."""
+        """Return the integral equations of the system as `Equations` for compiled code."""
         form = self._form
         parts = form.terms, form.orders, form.second, self.offsets, form.implicit, form.unweighted
         return Equations(*parts, form.kinds, system.units, system.quantities)
 
     def march_arrays(self):
-        """Return the arrays in the form of compiled code, which changes them in place."""
+        """Return the arrays as `OrbitArrays`; compiled code changes them in place."""
         present = self.initial, self.x, self.p
         return OrbitArrays(*present, self.modes, self.before, self.last)
 
     def linear_arrays(self):
-        """List all arrays that are linear in the orbit or a tangent."""
+        """Return all arrays whose entries are linear in the solution, for orbit and tangents."""
         present = [self.x, self.p, self.initial, self.offsets]
         found = [*present, self.modes, self.before, self.last]
         return found if self._singular is None else [*found, self._singular[1]]
@@ -140,11 +149,14 @@ class OrbitAndTangents:
             array[1:] = np.tensordot(matrix.T, array[1:], axes=1)
 
     def record_step(self, length):
-        """Record that the last step was an ordinary one of this length."""
+        """Record the length of the last step, an ordinary one."""
         self.last_length, self._singular, self._last_offsets = length, None, self.offsets
 
     def prefit_kernels(self, closest, farthest, t_end, tol):
-        """Fit kernels known by their values before the run begins; return the largest errors."""
+        """Fit all general kernels before the run if any is given by values; return the errors.
+
+        The arguments are those of `open_modes`. Without such a kernel, nothing is fitted.
+        """
         if not any(kernel.by_values for kernel in self._form.kernels):
             return NO_ERRORS
         closest = _round_to_decades(closest, farthest)
@@ -153,7 +165,10 @@ class OrbitAndTangents:
         return found.errors
 
     def open_modes(self, closest, farthest, t_end, tol):
-        """Fit all kernels and set all modes to zero."""
+        """Fit all kernels for time lags `closest` to `farthest`; set the modes to those at t = 0.
+
+        `t_end` is the largest time lag of kernels given by values, and `tol` the relative error.
+        """
         closest = _round_to_decades(closest, farthest)
         self.power_laws = power_law_basis(self._form.orders.tolist(), closest, farthest, tol)
         if self._prefitted and self._prefitted[0] <= closest:
@@ -179,7 +194,10 @@ class OrbitAndTangents:
             self.modes[:, row, modes] += np.multiply.outer(self.x[:, c], self.of_varying[modes])
 
     def finish_singular_start(self, variable, length, values):
-        """Move the modes to the end of a singular start; values (1 + k, 3, d, n) of f, p and y."""
+        """Advance the modes to the end of the first step after a singular start.
+
+        `values` (1 + k, 3, d, n) are f, p and y at the n nodes of this step, `length` its length.
+        """
         self.last_length, self._singular = length, (variable, values)
         self._last_offsets = self.offsets
         if np.any(self.power_laws.rates[:1] == 0.0):  # as in collocation/march.py
@@ -192,7 +210,7 @@ class OrbitAndTangents:
     def shift(self, change):
         """Add `change` (d,) to y of the orbit, and to p(0) and y(0) where these are subtracted.
 
-        So the jump does not enter the memory.
+        Changing these as well keeps the jump out of the memory.
         """
         of_p = np.where(self._form.second == 1, 0.0, change)
         constants = np.array([0 * change, of_p, change])[:, None]
@@ -223,7 +241,7 @@ class OrbitAndTangents:
             np.insert(old, places, 0.0, axis=2) for old in (self.modes, self.before)
         )
         added = np.r_[n : n + more, end + more : end + in_all]
-        if self.last_length == 0.0:  # nothing is past but the start
+        if self.last_length == 0.0:  # no step yet: the history is the start alone
             self._take_start(added)
             self.before = self.modes.copy()
         else:
@@ -232,7 +250,8 @@ class OrbitAndTangents:
     def history(self, log_distances):
         """Return the history of every row at n later times, (1 + k, R, n), without p(0).
 
-        The times are given by the logarithms of their distances, which may be below any float.
+        `log_distances` (n,) are the logarithms of the times after the present. The times themselves
+        may be smaller than any float.
         """
         distances = np.exp(log_distances)
         base = np.zeros((len(self.x), self._form.n_rows, distances.size))
@@ -259,12 +278,12 @@ class OrbitAndTangents:
         return base
 
     def _ends(self, q):
-        """Return an integrand at the end of the last step, (1 + k, d)."""
+        """Return integrand number q at the end of the last step, (1 + k, d)."""
         values = self.last if self._singular is None else self._singular[1]
         return values[:, q, :, -1]
 
     def _integrands(self):
-        """Return the last step's integrands at points of the graded rule, (1 + k, n_q, d, n)."""
+        """Return the last step's integrands at n points of `graded_rule`, (1 + k, n_q, d, n)."""
         values, functions = self._nodal()
         return values @ functions.T
 
@@ -300,10 +319,12 @@ class OrbitAndTangents:
 
 
 def _integrals(values, functions, weights, damped):
-    """Return the weighted sums of integrands over a rule of K points, (1 + k, n_q, d, M).
+    """Return the integrals of integrands times exponentials by a rule of K points.
 
-    values (1 + k, n_q, d, n) times functions (K, n) are the integrands, damped (M, K) the factors
-    of the modes. Of few integrands the points come first, of many the functions.
+    The result is (1 + k, n_q, d, M) for M modes. `values` (1 + k, n_q, d, n) are the integrands at
+    n nodes, `functions` (K, n) interpolates them to the points. `weights` (K,) are those of the
+    rule, `damped` (M, K) the exponentials. The order of the two matrix products depends on the
+    number of integrands, to save operations.
     """
     nodal = np.ascontiguousarray(values.reshape(-1, values.shape[-1]))
     found = np.empty((nodal.shape[0], damped.shape[0]))
@@ -325,11 +346,11 @@ def _round_to_decades(closest, farthest):
 
 
 def initial_unknowns(system, second, directions):
-    """Return y(0), and y'(0) where m = 2, of the orbit and of k tangents, shape (1 + k, m, d).
+    """Return y(0), and y'(0) if m = 2, of the orbit and of k tangents, shape (1 + k, m, d).
 
-    A tangent begins at one of the directions, (n_data, k), in which initial values change. First
-    are those of y(0), then those of y'(0) for each component of order above 1, which `second` (d,)
-    marks.
+    Each column of `directions` (n_data, k) is the direction of one tangent. Its entries are changes
+    of y(0), then changes of y'(0) for the components of order above 1. `second` (d,) is true for
+    these components.
     """
     if directions is None:
         return system.y0[None]

@@ -1,17 +1,19 @@
-"""Memory terms that the right-hand side reads, as components of orders up to 1.
+"""Memory terms that the right-hand side reads, as further components of a larger system.
 
-With leading order alpha, ``c D^alpha y + sum_l c_l D^(gamma_l) y = f(t, y, m)`` and F = D^alpha y:
+The equation is ``c D^alpha y + sum_l c_l D^(gamma_l) y = f(t, y, m)``, where alpha is the highest
+order and m = D^gamma y is a memory term that f reads. Let F = D^alpha y. Then:
 
-- up to order 1, m = D^gamma y solves ``D^(alpha-gamma) m = F``;
-- above, with v = y', ``D^(alpha-1) v = F``. The memory m = D^gamma y solves ``D^(1-gamma) m = v``
-  for gamma below 1. It is v for gamma = 1, and solves ``D^(alpha-gamma) m = F`` beyond.
+- For alpha up to 1, m solves ``D^(alpha-gamma) m = F``.
+- For alpha above 1, v = y' solves ``D^(alpha-1) v = F``. For gamma < 1, m solves
+  ``D^(1-gamma) m = v``. For gamma = 1, m is v. For gamma > 1, m solves ``D^(alpha-gamma) m = F``.
 
-Here m(0) = 0, since y solves the equation. The lower terms of the left side become such components
-as well, so that F is ``(f - sum_l c_l m_l) / c``.
+All components of the larger system have orders up to 1. Memory has m(0) = 0, because y solves the
+equation. The lower terms on the left side become components m_l as well. So F is
+``(f - sum_l c_l m_l) / c``.
 
-A general kernel's memory m is found from the balance of m and the convolution. A component without
-a derivative has the algebraic row 0 = f. Where f reads its derivatives, the highest one of these
-is a component that this row determines.
+The convolution m of a general kernel is found from the balance of m and the convolution. A
+component without a derivative has the algebraic row 0 = f. If f reads derivatives of it, the
+highest one is a component of the larger system, which the algebraic row determines.
 """
 
 from __future__ import annotations
@@ -34,14 +36,14 @@ from .algebraic import derivatives_at_start
 
 
 class Plain:
-    """View of a stepper that solves the equation as it is.
+    """Conversion between the equation and the system that a stepper solves, if both are the same.
 
     Attributes
     ----------
     system : System
         The system that is solved.
     second : ndarray of bool, shape (d,)
-        Components of y whose first derivative is an unknown.
+        True for components of y whose first derivative is an unknown.
     """
 
     def __init__(self, system):
@@ -52,11 +54,11 @@ class Plain:
         return directions
 
     def values(self, x, p):
-        """Return y and y' of x and its slopes p, (..., d) each; NaN where y' is no unknown."""
+        """Return y and y', (..., d) each, from values x and slopes p; NaN where y' is no unknown."""
         return x.copy(), np.where(self.second, p, np.nan)
 
     def piece(self, piece):
-        """Return the dense output of y."""
+        """Return the dense output of y from that of the system."""
         return piece
 
     def widened(self, change):
@@ -69,7 +71,10 @@ class Plain:
 
 
 class Reading(Plain):
-    """View of a stepper that solves an equation whose right-hand side reads memory."""
+    """Conversion between an equation whose f reads memory and the larger system without memory.
+
+    The n components of the larger system begin with the d components of y.
+    """
 
     def __init__(self, system):
         self.system, self.second, self._speeds, self._read, self._copies = reduced(system)
@@ -85,12 +90,12 @@ class Reading(Plain):
         return wide
 
     def values(self, x, p):
-        """Return y and y' of x and its slopes p, (..., d) each; NaN where y' is no unknown."""
+        """Return y and y', (..., d) each, from values x and slopes p; NaN where y' is no unknown."""
         speeds = np.where(self.second, x[..., self._speeds], np.nan)
         return x[..., : self._d].copy(), speeds
 
     def piece(self, piece):
-        """Return the dense output of y."""
+        """Return the dense output of y from that of the system."""
         return ReadingPiece(piece, self._speeds)
 
     def widened(self, change):
@@ -119,14 +124,14 @@ class ReadingPiece(Piece):
     ----------
     inner : Piece
     speeds : ndarray of int64, shape (d,)
-        Component that is y', where there is one.
+        Number of the component that is y', for each component of y of order above 1; others unused.
     """
 
     inner: Piece
     speeds: np.ndarray
 
     def edges(self):
-        """Return the start of each step."""
+        """Return the start time of each step."""
         return self.inner.edges()
 
     def evaluate(self, t, second, derivative):
@@ -138,18 +143,23 @@ class ReadingPiece(Piece):
         return np.where(second, self._columns(t, second, 0)[..., self.speeds].reshape(shape), found)
 
     def _columns(self, t, second, derivative):
-        """Return all components of the orbit and of each tangent that is kept, (k, columns, n)."""
+        """Return all n components at k times, of orbit and stored tangents: (k, columns, n).
+
+        Column 0 is the orbit.
+        """
         found = self.inner.evaluate(t, np.zeros(1, dtype=bool), derivative)
         columns = second.size // self.speeds.size
         return found.reshape(len(t), columns, found.shape[1] // columns)
 
 
 class Reduced(NamedTuple):
-    """A system without memory that the right-hand side reads, and what its components are.
+    """A system in which further components replace the memory that f reads.
 
-    - second, speeds (d,): whether y' is an unknown, and which component it is.
-    - read: entries (row, component, factor) of the matrix from its components to what f reads.
-    - copies: pairs of a component and the one that it equals.
+    - system: the larger system.
+    - second (d,): True if y' of a component of y is an unknown.
+    - speeds (d,): number of the component that is y'.
+    - read: entries (row, component, factor) of the matrix from components to the arguments of f.
+    - copies: pairs of component numbers; the first component equals the second one.
     """
 
     system: System
@@ -160,7 +170,7 @@ class Reduced(NamedTuple):
 
 
 def reduced(system):
-    """Return the system without memory, as `Reduced`."""
+    """Return the `Reduced` system, in which components replace the memory that f reads."""
     for operator, _ in system.left:
         if operator.from_zero or operator.varies:
             required = "hold Caputo operators of constant order and kernels with Collocation, where"
@@ -169,7 +179,7 @@ def reduced(system):
 
 
 class _Reduction:
-    """The components that take the place of memory.
+    """Construction of the system in which further components replace memory.
 
     A component without a term has an algebraic row. `forces` are pairs (row, j): the right side of
     the row is F_j. `own` are further entries of rows: (row, component, factor).
@@ -211,7 +221,10 @@ class _Reduction:
                 self._derive(j, order, None, j)
 
     def _add(self, start, j, order):
-        """Add a component that begins at `start`: a derivative of y_j; return its number."""
+        """Add a component with the initial value `start`; return its number.
+
+        It is the derivative of y_j of this order.
+        """
         self._starts.append(start)
         self._roles.append((j, order))
         return len(self._starts) - 1
@@ -242,12 +255,14 @@ class _Reduction:
         return self._places[j, gamma]
 
     def _convolution(self, j, operator):
-        """Return the component m that is the convolution of a kernel with y_j or its derivative.
+        """Return the number of the component m that is a kernel's convolution with y_j or y_j'.
 
-        The balance of m and the convolution is the row of w, which equals what is convolved. The
-        row of m is this equality, and algebraic. If y_j has an algebraic row itself, w is y_j, and
-        its row becomes that of m. The convolution with a derivative x' is ``m = z'``, where z is
-        that with x - x(0). This solves an equation of its own, to be known in relative terms.
+        Let w be a component that equals the convolved function. Its row is the balance of m and the
+        convolution. The row of m is algebraic: w equals the convolved function. If y_j has an
+        algebraic row itself, w is y_j, and the row of y_j becomes that of m.
+
+        The convolution with a derivative x' is ``m = z'``, where z is the convolution with
+        x - x(0). This difference has an equation of its own, so its relative error is small.
         """
         if (j, operator) in self._places:
             return self._places[j, operator]
@@ -283,10 +298,11 @@ class _Reduction:
         return self._add(0.0, j, -1.0 - len(self._starts))
 
     def _delayed(self, j, kernel):
-        """Return the component m that is the convolution of a gamma density with y_j.
+        """Return the number of the component that is a gamma density's convolution with y_j.
 
-        The density of shape n + b is that of shape b, a tempered power law, and then n exponential
-        ones. Each of these is an equation x' = rate (before - x).
+        A density of shape n + b is a convolution of the density of shape b and n exponential ones.
+        The former is a tempered power law. Each exponential one is an equation
+        ``x' = rate (before - x)``, where `before` is the result of the previous convolution.
         """
         n, rest = kernel.stages
         before, factor = j, 1.0
@@ -301,7 +317,7 @@ class _Reduction:
         return before
 
     def result(self):
-        """Return the `Reduced`."""
+        """Return the `Reduced` system."""
         system, d = self._system, self._system.n_solved
         read = [(j, j, 1.0) for j in range(d)]
         lower: list[list[tuple[int, float]]] = [[] for _ in range(d)]
@@ -337,7 +353,7 @@ class _Reduction:
 
 
 def is_read(system):
-    """Return whether a system has memory that becomes components."""
+    """Return whether a system has memory that further components replace."""
     return bool(system.read.any()) or any(in_stages(operator) for operator, _ in system.left)
 
 

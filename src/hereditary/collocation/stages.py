@@ -1,16 +1,18 @@
-"""Linear systems of the stages of a collocation step, by one Jacobian for all of them.
+"""Linear systems of Newton's method for the s stages of a collocation step with d components.
 
-Where components share their terms, the derivative of the residuals of nodal values x (d, s) is ``x
-M^T - J x G^T``. The matrices M and G (s, s) are those of all components, and J is one Jacobian for
-all nodes. With ``M^-1 G = V Lambda V^-1`` that is solved by systems ``(1 - lambda_k J) z = r`` of
-size d, one for each pair of complex eigenvalues. V may be ill-conditioned: residuals are those of
-the equations themselves, so that its rounding errors leave with the next iteration. Source:
-[HairerWanner1996], section IV.8, for M = 1.
+Let x (d, s) be the values of the unknowns at the nodes. If all components have the same terms, the
+residuals have the derivative ``x M^T - J x G^T``. All components share the matrices M and G (s, s),
+and all nodes share one Jacobian J. With ``M^-1 G = V Lambda V^-1`` the system decouples into
+systems ``(1 - lambda_k J) z = r`` of size d. One is solved for each pair of complex eigenvalues.
 
-For components whose terms differ the derivative is ``M_c x_c - sum_e J_ce G_ce x_e`` with matrices
-of the kinds of components. Those of one kind would be diagonal in a common basis, those of several
-have none. So the system of size d s is solved as it is: s times the diagonals of a banded J, s**2
-times its entries. So it is for few components, with a Jacobian for each node if it has to be.
+V may be ill-conditioned. The residuals are those of the original equations, so the next iteration
+corrects the rounding errors of V. Source: [HairerWanner1996], section IV.8, for M = 1.
+
+Components of one kind have the same terms. With several kinds the derivative is
+``M_c x_c - sum_e J_ce G_ce x_e``, where M_c and G_ce depend on the kinds of components c and e. No
+basis diagonalises the matrices of several kinds, so the system of size d s is solved directly. It
+has s times as many diagonals as a banded J, and s**2 times as many entries as a sparse one. Few
+components are solved directly as well, with a Jacobian at each node if Newton's method is slow.
 """
 
 import math
@@ -37,11 +39,11 @@ from ..compiled.sparse_solvers import banded_solver, sparse_solver, substitute_b
 from .operators import FORCE, POSITION, PRIMARY
 from .structures import LENGTH, OF_SPEEDS, OF_VALUES, REDUCED, REST, SYSTEMS
 
-# Letter by which LAPACK does not compute left eigenvectors.
+# Option with which LAPACK computes no left eigenvectors.
 _WITHOUT = ord("N")
-# Letter by which LAPACK computes right eigenvectors.
+# Option with which LAPACK computes right eigenvectors.
 _WITH = ord("V")
-# Letter by which LAPACK scales matrices without permutations.
+# Option with which LAPACK balances a matrix by scaling, without permutations.
 _SCALING = ord("S")
 
 
@@ -66,7 +68,7 @@ def diagonalise_stages(stage):
     set_product(both, inverse, back)
     kept = 0
     for k in range(s):
-        if imaginary[k] < 0.0:  # the conjugate of the one before
+        if imaginary[k] < 0.0:  # the conjugate of eigenvalue k - 1
             continue
         stage.shifts[kept] = complex(values[k], imaginary[k])
         for i in range(s):
@@ -99,7 +101,7 @@ def set_inverse(a, out):
 
 @inner
 def set_product(a, b, out):
-    """Set out = a b of small matrices, (s, s)."""
+    """Set ``out = a b`` for small matrices, (s, s)."""
     clear_matrix(out)
     for i in range(a.shape[0]):
         for k in range(a.shape[1]):
@@ -137,7 +139,7 @@ def eigenvectors(lapack, matrix, values, imaginary, vectors):
 
 @inner(reorders=True)
 def project(k, values, stage, out):
-    """Set the right-hand side of system k, (d,), from nodal values (d, s)."""
+    """Set `out` (d,) to the complex right-hand side of system k, from nodal values (d, s)."""
     real, imaginary = stage.back[k].real.copy(), stage.back[k].imag.copy()
     for c in range(out.shape[0]):
         a, b = 0.0, 0.0
@@ -149,7 +151,7 @@ def project(k, values, stage, out):
 
 @inner(allocates=True)
 def add_solution(k, solution, stage, out):
-    """Add the solution of system k, (d,), to nodal values (d, s)."""
+    """Add what the solution of system k, (d,), contributes to the nodal values `out` (d, s)."""
     real, imaginary = stage.forth[:, k].real.copy(), stage.forth[:, k].imag.copy()
     for c in range(solution.shape[0]):
         a, b = solution[c].real, solution[c].imag
@@ -165,13 +167,14 @@ def no_stages(task, values, stage):
 
 @plug_in
 def dense_stages(task, values, stage):
-    """Factorise all systems of a dense Jacobian, or solve them for nodal values; 0 if done.
+    """Factorise all decoupled systems of a dense Jacobian J, or solve them; return 0 on success.
 
-    With ``D^-1 J D = Q H Q^T``, D being diagonal and H zero below its first subdiagonal, every
-    system costs d**2.
+    The solution replaces the right-hand side in the nodal `values` (d, s). J is reduced once to
+    Hessenberg form, ``D^-1 J D = Q H Q^T`` with diagonal D. Each system then takes O(d**2)
+    operations.
     """
-    # dense (2 + 2 K, n, n): H, Q, and real and imaginary part of each system's factors, whose
-    # subdiagonal holds the multipliers; factors (K, 1, n): 1 where rows were exchanged
+    # dense (2 + 2 K, n, n): H, Q, then the real and the imaginary part of each system's factors,
+    # with the multipliers on the subdiagonal; factors (K, 1, n): 1 where rows were exchanged
     n = stage.order.shape[0]
     if task == FACTORISE:
         if not diagonalise_stages(stage) or (stage.control[REDUCED] == 0.0 and not reduce(stage)):
@@ -198,15 +201,16 @@ def dense_stages(task, values, stage):
 
 @inner(allocates=True)
 def reduce(stage):
-    """Set D, H and Q of ``D^-1 J D = Q H Q^T`` by LAPACK; False where J is not finite.
+    """Reduce a dense J to Hessenberg form H, ``D^-1 J D = Q H Q^T``; False if J is not finite.
 
-    D are powers of 2 that balance rows and columns of J: units of components do not matter.
+    D is diagonal. Its powers of 2 balance rows and columns of J, so the units of components do not
+    matter. LAPACK computes all three matrices.
     """
     n = stage.order.shape[0]
     h, q = stage.dense[0], stage.dense[1]
     for i in range(n):
         for j in range(n):
-            q[j, i] = stage.jacobians[0, i, j]  # LAPACK's matrices have their columns in a row
+            q[j, i] = stage.jacobians[0, i, j]  # LAPACK stores matrices by columns
             if not abs(q[j, i]) < np.inf:
                 return False
     numbers, room = np.empty(6, dtype=np.int32), np.empty(65 * n)
@@ -238,7 +242,7 @@ def eliminate(shift, h, real, imaginary, exchanged):
     set_shifted_row(0, shift, h, real, imaginary)
     for j in range(n):
         below = 0.0
-        if j < n - 1:  # each row just before it is needed: it stays in the near cache
+        if j < n - 1:  # a row is set just before it is used, so it is still in the cache
             set_shifted_row(j + 1, shift, h, real, imaginary)
             below = abs(real[j + 1, j]) + abs(imaginary[j + 1, j])
         exchanged[j] = 0.0
@@ -266,7 +270,7 @@ def eliminate(shift, h, real, imaginary, exchanged):
 
 @inner
 def set_shifted_row(i, shift, h, real, imaginary):
-    """Set a row of ``1 - shift H``."""
+    """Set row i of ``1 - shift H``: its real and its imaginary part, from column i - 1 on."""
     a, b = shift.real, shift.imag
     own, row, row_i = h[i], real[i], imaginary[i]
     for j in range(max(0, i - 1), h.shape[0]):
@@ -276,7 +280,7 @@ def set_shifted_row(i, shift, h, real, imaginary):
 
 @inner(allocates=True)
 def substitute_hessenberg(real, imaginary, exchanged, x):
-    """Solve for x (n,) with the factors of `eliminate`."""
+    """Solve a system by the factors of `eliminate`; x (n,) is its right-hand side, then x."""
     n = x.shape[0]
     x_real, x_imaginary = np.empty(n), np.empty(n)
     for j in range(n - 1):
@@ -295,7 +299,7 @@ def complex_dot(real, imaginary, x_real, x_imaginary, first, end):
     a, b = 0.0, 0.0
     c, d = real[first:end], imaginary[first:end]
     x, y = x_real[first:end], x_imaginary[first:end]
-    for k in range(c.shape[0]):  # from 0 on: vectorised
+    for k in range(c.shape[0]):  # a loop from 0 on is vectorised
         a += c[k] * x[k] - d[k] * y[k]
         b += c[k] * y[k] + d[k] * x[k]
     return a, b
@@ -303,8 +307,11 @@ def complex_dot(real, imaginary, x_real, x_imaginary, first, end):
 
 @plug_in
 def banded_stages(task, values, stage):
-    """Factorise all systems of a banded Jacobian, or solve them for nodal values; 0 if done."""
-    # factors (K, n, 2 lower + upper + 2), see `substitute_band`
+    """Factorise all decoupled systems of a banded Jacobian, or solve them; return 0 on success.
+
+    The solution replaces the right-hand side in the nodal `values` (d, s).
+    """
+    # factors (K, n, 2 lower + upper + 2): K systems of n components, layout as `substitute_band`
     n, place, lower, upper = stage.order.shape[0], stage.order, stage.lower, stage.upper
     width, entries = stage.factors.shape[2] - 1, stage.jacobians[0]
     if task == FACTORISE:
@@ -348,7 +355,11 @@ def banded_stages(task, values, stage):
 
 @plug_in
 def sparse_stages(task, values, stage):
-    """Factorise all systems of a sparse Jacobian in Python, or solve them; 0 if done."""
+    """Factorise all decoupled systems of a sparse Jacobian, or solve them; return 0 on success.
+
+    Compiled code calls a sparse solver in Python. The solution replaces the right-hand side in the
+    nodal `values` (d, s).
+    """
     n, found = stage.order.shape[0], np.zeros(values.shape)
     if task == FACTORISE and not diagonalise_stages(stage):
         return 1
@@ -373,7 +384,7 @@ def sparse_stages(task, values, stage):
 
 @inner(allocates=True)
 def linear_solver(stage):
-    """Allocate a real linear solver for all unknowns."""
+    """Return the record of a real linear solver for the single system of all unknowns (d s,)."""
     return LinearSolver(
         stage.dense, stage.order, stage.lower, stage.upper, stage.lapack, stage.python, 0, 0
     )
@@ -381,10 +392,11 @@ def linear_solver(stage):
 
 @inner
 def stage_matrix(stage, h, jacobians, at_nodes, out):
-    """Set the derivative of the residuals with respect to p at the nodes, in the order (c, i).
+    """Set `out` (d s, d s) to the derivative of the residuals with respect to p at the nodes.
 
-    Residuals and p are in units of the scales of their components. The Jacobian is one for all
-    nodes, or there is one for each. The integral over the step is that of `stage` times h.
+    Unknowns are ordered by component c, then by node i. Residuals and p are divided by the scales
+    of their components. `jacobians` (m, d, d) is one for all nodes, m = 1, or one for each node,
+    m = s. The integrals of p over the step of length h are ``h * stage.integral``.
     """
     # jacobians (m, d, d); at_nodes (>= s,) is workspace; out (d s, d s)
     matrices, kinds, integral = stage.matrices, stage.kinds, stage.integral
@@ -408,7 +420,7 @@ def stage_matrix(stage, h, jacobians, at_nodes, out):
                     row[j] = -h * total - own * primary[j]
                 if second[kinds[e]] == 1:
                     row[i] += own
-                elif c == e:  # exactly 0 without J in an algebraic row
+                elif c == e:  # in an algebraic row the bracket is exactly 0
                     row[i] = (1.0 - (place[i] + primary[i])) - force[i] * at_nodes[i]
 
 
@@ -419,7 +431,8 @@ def set_pencil(own, integral, is_speed, out):
     M and both G are those of the kind of c. One G is for components e whose unknown is y, the other
     for y'.
     """
-    # own (3, s, s), integral (s, s) over the step, out (3, s, s)
+    # own (3, s, s): matrices of f, p and y of the kind; integral (s, s): to each node; out
+    # (3, s, s), indexed by OF_VALUES, OF_SPEEDS and REST
     force, place, s = own[FORCE], own[POSITION], integral.shape[0]
     for i in range(s):
         for j in range(s):
@@ -434,7 +447,7 @@ def set_pencil(own, integral, is_speed, out):
 
 @inner(allocates=True)
 def set_entries(stage):
-    """Set the entries of the matrix of all stages, as `stage_matrix`, of a sparse Jacobian."""
+    """Set the nonzero entries of the matrix of `stage_matrix`, from those of a sparse Jacobian."""
     entries, kinds, second, out = stage.jacobians[0], stage.kinds, stage.second, stage.joint
     s, scales, number = stage.integral.shape[0], stage.scales, 0
     pencil = np.empty((second.shape[0], 3, s, s))
@@ -453,7 +466,7 @@ def set_entries(stage):
 
 @inner
 def set_scales(units, stage):
-    """Set the scales of systems of all stages to the powers of 2 below these units, (d,).
+    """Set the scale of each component to the largest power of 2 up to its unit; units (d,).
 
     If scales change, the factors are no longer valid.
     """
@@ -466,7 +479,7 @@ def set_scales(units, stage):
 
 @inner
 def scale(stage, values, inverse):
-    """Multiply nodal values by the scales of their components, or divide them."""
+    """Multiply nodal values (d, s) by their components' scales; divide them if `inverse`."""
     for c in range(values.shape[0]):
         factor = 1.0 / stage.scales[c] if inverse else stage.scales[c]
         for i in range(values.shape[1]):
@@ -475,7 +488,10 @@ def scale(stage, values, inverse):
 
 @inner
 def substitute_scaled(matrix, order, scales, b, x):
-    """Solve for x by the factors of a scaled matrix; scales (d,) are powers of two."""
+    """Solve for x (d s,) by the factors of a scaled matrix; b (d s,) is the right-hand side.
+
+    The matrix is that of residuals and unknowns divided by the scales (d,), which are powers of 2.
+    """
     s = b.shape[0] // scales.shape[0]
     for c in range(scales.shape[0]):
         inverse = 1.0 / scales[c]
@@ -490,8 +506,12 @@ def substitute_scaled(matrix, order, scales, b, x):
 
 @plug_in
 def joint_dense(task, values, stage):
-    """Factorise the dense system of all stages, or solve it for nodal values; 0 if done."""
-    # joint (n, n): the matrix, and then its factors; dense (1, 2, n): order of the rows, room
+    """Factorise the single dense system of all stages, or solve it; return 0 on success.
+
+    The solution replaces the right-hand side in the nodal `values` (d, s).
+    """
+    # joint (n, n), n = d s: the matrix, then its factors; dense (1, 2, n): order of the rows, and a
+    # work array
     order, room, matrix = stage.dense[0, 0], stage.dense[0, 1], stage.joint
     if task == FACTORISE:
         stage_matrix(stage, 1.0, stage.jacobians, room, matrix)
@@ -505,7 +525,10 @@ def joint_dense(task, values, stage):
 
 
 def joint_stages(name, solver):
-    """Compile the solution of the system by one of the solvers of sparse matrices."""
+    """Return a compiled function that solves the single system of all stages by `solver`.
+
+    `solver` is one for banded or sparse matrices, and `name` is the name of the new function.
+    """
 
     def solve(task, values, stage):
         if task == FACTORISE:

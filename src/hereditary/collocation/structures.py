@@ -1,9 +1,13 @@
 """Named groups of arrays that compiled collocation works on, and their compiled types.
 
-Letters of shapes: d components, R rows of integral equations, s nodes of a step, M modes, n_a
-fractional integrals, n_v varying orders. Then n_k general kernels and then varying orders, n_q
-integrands (3, or 4 with p'), k tangents. An axis of length 1 + k has the orbit and then its
-tangents (docs/notation.md).
+The primary unknown p of a component is y, or y' for orders above 1. Letters of shapes are:
+
+- d components, s nodes of a step, M exponential modes, k tangents;
+- R rows: row c < d is p of component c, row d + c the terms subtracted from its right-hand side;
+- n_q integrands: f, p and y, and p' if an equation needs it;
+- n_a fractional integrals, n_v varying orders, n_k general kernels and varying orders together.
+
+An axis of length 1 + k has the orbit and then its tangents (docs/notation.md).
 """
 
 from typing import Annotated, Any, NamedTuple, TypeAlias
@@ -29,17 +33,22 @@ from ..compiled.records import record
 from ..compiled.reference import FunctionField, Reference
 from ..compiled.signatures import RightSide
 
-# Convolution term: its row, integrand, index of the order or kernel, and coefficient.
+# Record of a convolution term: its row, its integrand, the index of its order or kernel, and its
+# coefficient.
 TERM = np.dtype(
     [("row", "i8"), ("integrand", "i8"), ("index", "i8"), ("coefficient", "f8")], align=True
 )
-# Step control: present time since the origin, lengths of the next and of the last step, that of the
-# shortest step for which the modes hold, 1 if the last trial was refused, the origin [time], the
-# component with the largest error of the last trial, and the last time at which a look found f
-# unlike its polynomial, or 0.
+# Fields of the step control. Lengths and times have the unit of time.
+# - time: present time since the origin; origin: the time from which steps are counted.
+# - next, last: lengths of the next step and of the last accepted step.
+# - shortest: length of the shortest step for which the exponential modes are accurate.
+# - refused: 1 if the last trial step was rejected.
+# - worst: component with the largest ratio of error to tolerance in the last trial step.
+# - missed: last time at which f differed from its polynomial between the nodes, or 0.
 _TIMES = "time", "next", "last", "shortest", "refused", "origin", "worst", "missed"
 CONTROL = np.dtype([(name, "f8") for name in _TIMES], align=True)
-# Calls of the right-hand side, and steps accepted, refused, and refused by the defect of f alone.
+# Record of counts: calls of the right-hand side, accepted steps, rejected steps, and steps rejected
+# for the defect of f between the nodes alone.
 COUNTS = np.dtype(
     [("rhs", "i8"), ("accepted", "i8"), ("refused", "i8"), ("by_defect", "i8")], align=True
 )
@@ -66,15 +75,16 @@ ALGEBRAIC = 2
 class Equations(NamedTuple):
     """Integral equations of all components (collocation/equations.py).
 
-    - terms (n,): of `TERM`; orders (n_a,): of the fractional integrals.
+    - terms (n,): convolution terms, records `TERM`.
+    - orders (n_a,): orders of the fractional integrals.
     - second (d,): 1 if the primary unknown is y'.
-    - offsets (1 + k, n): constants subtracted from the integrands.
+    - offsets (1 + k, n): constant subtracted from the integrand of each term.
     - implicit (d,): 1 if p follows from the balance of right-hand side and terms, `ALGEBRAIC` if
-      there are no terms.
-    - unweighted: integrands of terms with varying orders, whose modes are stored without weights.
+      the component has no terms, 0 otherwise.
+    - unweighted: integrands of terms with varying orders; their modes are stored without weights.
     - kinds (d,): number of each component's kind; components of one kind have the same terms.
-    - units (d,): for differences of f.
-    - quantities (d,): components with one number are sizes of one quantity.
+    - units (d,): size of each component, for the increments of difference quotients of f.
+    - quantities (d,): number of a physical quantity; components with one number share their scale.
     """
 
     terms: Records
@@ -91,10 +101,13 @@ class Equations(NamedTuple):
 class Rule(NamedTuple):
     """Quadrature of one step: nodes, and matrices that act on values at the nodes.
 
-    - nodes (s,); integrals (n_a, s, s): the fractional integrals at the nodes.
-    - legendre (s, s): Legendre coefficients; inverse (s, s): of the integrals of order 1.
-    - check_points (m,): off the nodes, m = 2 + s; two of them count for the error of a step.
-    - check_integrals, check_values (m, s): integral from the start and value of the polynomial.
+    - nodes (s,): in (0, 1].
+    - integrals (n_a, s, s): fractional integrals from the start to each node.
+    - legendre (s, s): Legendre coefficients of the polynomial through the values.
+    - inverse (s, s): inverse of the integrals of order 1.
+    - check_points (m,): m = 2 + s points off the nodes; the first two enter the error of a step.
+    - check_integrals, check_values (m, s): integral from the start to each check point, and value
+      there, of the polynomial through the values.
     """
 
     nodes: Vector
@@ -109,10 +122,13 @@ class Rule(NamedTuple):
 class ExponentialBasis(NamedTuple):
     """Rates of all modes, and the kernels as weighted sums of them.
 
-    - rates (n,): real ones; pairs (m,): of each conjugate pair that of positive imaginary part. The
-      M = n + 2 m modes are in the order of kernels/mode_bank.py.
-    - weights (n_a + n_k, M); masses (n_k,): point masses of the kernels at time lag 0.
-    - transforms (s, s, s): from values at the nodes to Legendre coefficients on [0, node i].
+    - rates (n,): the real rates.
+    - pairs (m,): the rate with positive imaginary part of each conjugate pair. The M = n + 2 m
+      modes are in the order of kernels/mode_bank.py.
+    - weights (n_a + n_k, M): weights of the modes for each fractional integral and kernel.
+    - masses (n_k,): point masses of the kernels at time lag 0.
+    - transforms (s, s, s): matrix i maps values at the nodes to Legendre coefficients on the
+      interval [0, node i].
     """
 
     rates: Vector
@@ -125,10 +141,12 @@ class ExponentialBasis(NamedTuple):
 class StepTables(NamedTuple):
     """Factors of the modes for K step lengths, computed once for each length.
 
-    - lengths (K,); to_nodes (K, M, s): decay from the start to the nodes.
-    - to_end (K, M): decay to the end.
-    - moments (K, s, M): of the Legendre polynomials.
-    - local (K, n_k, s, s): convolutions with general kernels and varying orders over the step.
+    - lengths (K,): lengths of the steps.
+    - to_nodes (K, M, s): decay of each mode from the start of the step to the nodes.
+    - to_end (K, M): decay of each mode from the start to the end of the step.
+    - moments (K, s, M): integrals of the Legendre polynomials times each exponential.
+    - local (K, n_k, s, s): convolutions over the step itself with general kernels, then with the
+      kernels of varying orders.
     """
 
     lengths: Vector
@@ -139,12 +157,14 @@ class StepTables(NamedTuple):
 
 
 class ModeWeights(NamedTuple):
-    """Weights with which the modes absorb what a step adds to them (collocation/mode_tables.py).
+    """Weights with which a step adds its integrals to the modes (collocation/mode_tables.py).
 
-    - integrands (K, n_q, M): for the rows of each kind of components.
-    - used (K, n_q): 1 if one of them is not 0.
-    - offsets (1 + k, R, M): or (1 + k, 0, M) if all offsets are 0.
-    - part (M,), coefficients (s,): room.
+    K counts the rows that differ: components of one kind share their rows.
+
+    - integrands (K, n_q, M): weight of each integrand in each mode.
+    - used (K, n_q): 1 if an integrand has a nonzero weight in any mode.
+    - offsets (1 + k, R, M): weights of the constant offsets; (1 + k, 0, M) if all offsets are 0.
+    - part (M,), coefficients (s,): work arrays.
     """
 
     integrands: Cube
@@ -157,9 +177,10 @@ class ModeWeights(NamedTuple):
 class VaryingOrders(NamedTuple):
     """Tables of the varying orders for one step.
 
-    - tabulated: a record `TABULATED`, the step of the tables.
-    - integrals (n_v, s, s); weights (n_v, M, s): of the modes at the nodes.
-    - of_varying (M,): 1 for the modes of such orders.
+    - tabulated: record `TABULATED` with the step that the tables are valid for.
+    - integrals (n_v, s, s): fractional integrals over the step, with the order at each node.
+    - weights (n_v, M, s): weights of the modes, with the order at each node.
+    - of_varying (M,): 1 for the modes of varying orders, 0 for others.
     """
 
     tabulated: Tabulated
@@ -171,8 +192,9 @@ class VaryingOrders(NamedTuple):
 class OrbitArrays(NamedTuple):
     """The orbit and its tangents: present values, initial values and history.
 
-    - initial, x, p (1 + k, d).
-    - modes (1 + k, R, M); before: the modes at the start of the last step.
+    - initial (1 + k, d): p(0) plus the content of modes of rate 0, or 0 where p is implicit.
+    - x, p (1 + k, d): y and the primary unknown at the present time.
+    - modes, before (1 + k, R, M): modes at the end and at the start of the last step.
     - last (1 + k, n_q, d, s): the integrands f, p, y and, if needed, p' at the nodes of the last
       step.
     """
@@ -188,7 +210,9 @@ class OrbitArrays(NamedTuple):
 class MarchState(NamedTuple):
     """Step control, counts and contraction of Newton's method.
 
-    - largest (d,): the largest |y'| so far; sizes (d,): the largest |y| so far.
+    - control, counts, contraction: records `CONTROL`, `COUNTS` and `CONTRACTION`.
+    - largest (d,): the largest |y'| so far, where p is y'.
+    - sizes (d,): the largest |y| so far.
     """
 
     control: Control
@@ -199,13 +223,14 @@ class MarchState(NamedTuple):
 
 
 class Steps(NamedTuple):
-    """Accepted steps as dense output needs them, of the orbit and perhaps of its tangents.
+    """Data of n accepted steps for dense output of the orbit, and of its tangents if requested.
 
-    - starts, lengths (n,); p (n, D, s): at the nodes.
-    - at_starts (n, 2, D): y and then p at the starts.
-    - errors (n,): each divided by its tolerance.
+    - starts, lengths (n,): of the steps [time].
+    - p (n, D, s): the primary unknown at the nodes.
+    - at_starts (n, 2, D): y and then p at the starts of the steps.
+    - errors (n,): estimated error of each step, divided by its tolerance.
 
-    D is d, or (1 + k) d: the orbit's components, then those of each tangent.
+    D is d without tangents. It is (1 + k) d with them: the orbit's components come first.
     """
 
     starts: Vector
@@ -216,16 +241,20 @@ class Steps(NamedTuple):
 
 
 def empty_steps(n, d, s):
-    """Return room for n steps of d components with s nodes."""
+    """Return uninitialised `Steps` for n steps of d components with s nodes."""
     shapes = (n,), (n,), (n, d, s), (n, 2, d), (n,)
     return Steps(*(np.empty(shape) for shape in shapes))
 
 
 class Limits(NamedTuple):
-    """Time to stop at, longest step, longest step while the solution is at rest, and tolerances.
+    """Limits of a march: its stop, its longest steps, and its tolerances.
 
-    f may be called between `earliest` and `latest`. `t_end` is the length of the run. The tolerance
-    of y is atol, (d,), + rtol |y| + by_size times the size of the component.
+    - stop: time at which the march ends.
+    - earliest, latest: times between which f may be called.
+    - longest, longest_idle: longest step [time], in general and where the solution is at rest.
+    - rtol, atol (d,), by_size: a component y may err by ``atol + rtol |y| + by_size size``. Its
+      size is the largest |y| so far (see `StepRoom.sizes`).
+    - t_end: length of the run.
     """
 
     stop: float
@@ -242,11 +271,15 @@ class Limits(NamedTuple):
 class Operators(NamedTuple):
     """Matrices from nodal values to the rows of the equations at the nodes of one step.
 
-    - matrices (K, 3, s, s): one for each of f, p and y. First for the rows of each kind of
-      components, then for the rows subtracted from their right-hand sides.
-    - start_weights (K, s): of p at the start; constant (1 + k, R, s): parts of the offsets.
+    Components of one kind share their rows. The K different rows are first those of p for each
+    kind, then the terms subtracted from the right-hand side for each kind.
+
+    - matrices (K, 3, s, s): one matrix for each of f, p and y.
+    - start_weights (K, s): weights of p at the start of the step.
+    - constant (1 + k, R, s): contribution of the offsets.
     - columns (K, 3, s, s): the transposed matrices.
-    - alone (K,): 1 if p and y do not enter; sums (K, s): the integrals of f = 1.
+    - alone (K,): 1 if the row depends on f alone, not on p or y.
+    - sums (K, s): the row for f = 1, the sums of the matrix of f over its columns.
     """
 
     matrices: Cubes
@@ -258,30 +291,35 @@ class Operators(NamedTuple):
 
 
 class Stages(NamedTuple):
-    """Linear systems of a step (collocation/stages.py).
+    """Linear systems of Newton's method in one step (collocation/stages.py).
 
-    If many components share their terms:
+    If many components share their terms, the stages decouple into K <= s systems of size d:
 
-    - factors (K, ., .): of up to K = s systems of size d; order (d,): place of each component.
-    - dense (2 + 2 K, d, d): a reduced dense Jacobian and its factors.
-    - shifts (K,); back (K, s) and forth (s, K): transforms of nodal values.
+    - factors (K, ., .): factors of each system.
+    - order (d,): position of each component in the ordering of a band.
+    - dense (2 + 2 K, d, d): a dense Jacobian in Hessenberg form, and factors of each system.
+    - shifts (K,): eigenvalues of the matrix of the stages.
+    - back (K, s), forth (s, K): from nodal values to coefficients of its eigenvectors, and from
+      these to nodal values.
 
-    If terms differ, or components are few:
+    If terms differ, or components are few, there is one system of size d s for all stages:
 
-    - order (d s,): place of each unknown; joint (d s, d s): the matrix, or its entries.
-    - dense (1, ., .): the factors, or room for them.
+    - order (d s,): position of each unknown in the ordering of the matrix.
+    - joint (d s, d s): the matrix, or the entries of a sparse one.
+    - dense (1, ., .): factors or pivots of this matrix.
 
     In both cases:
 
-    - scales (d,): powers of 2, of y or to balance a dense Jacobian; lower, upper: diagonals of a
-      band.
+    - scales (d,): powers of 2, the units of y or those that balance a dense Jacobian.
+    - lower, upper: numbers of diagonals of a band below and above the main one.
     - lapack, lapack_solve, lapack_values, lapack_balance, python: addresses of functions.
-    - hold: steps of one length before new factors for a longer one pay.
-    - kinds (d,): of the components; second (n,): 1 for kinds whose primary unknown is y'.
-    - matrices (n, 3, s, s): of f, p and y for each kind; integral (s, s): over the step.
-    - jacobians (m, d, d): of few components one for each of m = s nodes. Otherwise one for all
-      nodes, or the entries of a sparse one.
-    - control (6,).
+    - hold: number of steps of one length before factors for a longer step are worth their time.
+    - kinds (d,): kind of each component; second (n,): 1 if the primary unknown of a kind is y'.
+    - matrices (n, 3, s, s): matrices of f, p and y for each kind.
+    - integral (s, s): integrals of order 1 to the nodes.
+    - jacobians (m, d, d): Jacobians at m = s nodes if components are few. Otherwise there is one
+      for all nodes, possibly as the entries of a sparse matrix.
+    - control (5,): numbers indexed by `LENGTH` to `REDUCED`.
     """
 
     factors: ComplexCube
@@ -309,25 +347,28 @@ class Stages(NamedTuple):
 
 
 class StepRoom(NamedTuple):
-    """Room for one step of d components with s nodes; nothing in it is kept for the next.
+    """Workspace of one step of d components with s nodes; the next step overwrites it.
 
-    - times (s,), check_times (m,): of the nodes and of m points between them.
-    - base (1 + k, R, s): the known part of the rows; values (1 + k, n_q, d, s): the integrands.
-    - jacobians (s, ., .): for tangents, one at each node.
-    - residual, change (d s,): of the equations; nodal_change (d, s): the same change by nodes.
-    - before (d, s), moved (s, d): y before a change, and its change; reached (s, s): the weights of
-      an extrapolation.
-    - forced (d, s): of a tangent, the derivative of f by a parameter.
-    - point, force (d,): a point and f there.
-    - goal, errors, defect (d,): Newton's accuracy, the errors and the defect of f.
-    - hidden (d,): the largest p of the same quantity, whose rounding a small component may be.
-    - sizes, sizes_before (d,): of y, to which its errors are relative, and those before the step.
-    - units (d,): for differences of f.
-    - force_scales, starts, start_scales (d,): of rounding.
+    - times (s,), check_times (m,): times of the nodes and of the m check points off the nodes.
+    - base (1 + k, R, s): known part of the rows: initial values, history and offsets.
+    - values (1 + k, n_q, d, s): the integrands at the nodes.
+    - jacobians (s, ., .): Jacobian at each node, for tangents.
+    - residual, change (d s,): residual of the equations and change of p by Newton's method.
+    - nodal_change (d, s): the array `change` in another shape.
+    - before (d, s), moved (s, d): y before an iteration, and its change in this iteration.
+    - reached (s, s): weights that extrapolate the last step's polynomial to the nodes.
+    - forced (d, s): derivative of f by a parameter, for the tangent of this parameter.
+    - point, force (d,): a value of y, and f there.
+    - goal (d,): error of p that Newton's method may leave.
+    - errors, defect (d,): estimated error of p, and defect of f between the nodes.
+    - hidden (d,): the largest |p| of the same quantity; a smaller component may be its rounding.
+    - sizes, sizes_before (d,): sizes of y to which errors are relative, now and before the step.
+    - units (d,): size of each component, for the increments of difference quotients of f.
+    - force_scales, start_scales (d,): scales |J| |y| and |J| |y(0)| of the rounding error of f.
+    - starts (d,): |y(0)| if y is computed as y(0) plus integrals, otherwise 0.
 
-    Summands of f are as large as its scale |J| |y|, so the rounding error of f is that of the
-    scale. If y is found as a difference from y(0), its rounding error adds that of the scale |J|
-    |y(0)|. `starts` has the sizes of y(0) for such components, otherwise 0.
+    Summands of f are as large as |J| |y|, so f has the rounding error of a number of this size. If
+    y is computed as y(0) plus integrals, the rounding of y(0) adds the scale |J| |y(0)|.
     """
 
     times: Vector
@@ -356,22 +397,28 @@ class StepRoom(NamedTuple):
     jacobians: Cube
 
 
-# Control of stages: step length that the factors hold for (0: none), 1 where the Jacobian is to be
-# kept, the number of systems, the steps for which a longer one was put off, and 1 where a dense
-# Jacobian is reduced. A record would not pass through a function value.
+# Indices of `Stages.control`. It is an array because a record would not pass through a function
+# value in compiled code.
+# - LENGTH: step length of the present factors, 0 if there are none.
+# - KEPT: 1 if the next step may use the present Jacobian.
+# - SYSTEMS: number of decoupled systems.
+# - HELD: number of steps for which a longer step was postponed.
+# - REDUCED: 1 if the dense Jacobian is in Hessenberg form already.
 LENGTH, KEPT, SYSTEMS, HELD, REDUCED, N_CONTROL = range(6)
-# Matrices of the pencil of a kind: G of components whose unknowns are values of y, G of those
-# whose unknowns are y', and M.
+# Indices of the matrices G and M (collocation/stages.py) for one kind of components: G that acts on
+# components with p = y, G that acts on those with p = y', and M.
 OF_VALUES, OF_SPEEDS, REST = range(3)
 STAGES = Reference(compiled_type(Stages))
-# task, nodal values (d, s), which the result replaces; 0 where it is done
+# Arguments: task, nodal values (d, s), which the solution replaces, and `Stages`. Returns 0 on
+# success.
 STAGES_SIG = I8(I8, MAT, STAGES)
 
 
 class AdaptiveWork(NamedTuple):
-    """All that a step works on, in one record that is handed on by reference.
+    """All arrays and functions of a march, in one record that is passed by reference.
 
-    Python makes its arrays (compiled/reference.py). `solver` solves the systems of the stages.
+    Python allocates the arrays (compiled/reference.py). The function `solver` factorises and solves
+    the linear systems of the stages.
     """
 
     right: RightSide
@@ -392,16 +439,17 @@ class AdaptiveWork(NamedTuple):
 
 
 WORK = Reference(compiled_type(AdaptiveWork))
-# work, step length, slot of the tables: the ratio of the tangents' error to its tolerance
+# Arguments: work, step length, slot of the tables. Returns the ratio of the tangents' error to its
+# tolerance.
 TANGENTS_SIG = F8(WORK, F8, I8)
-# work, slot of the tables, column of the orbit or a tangent
+# Arguments: work, slot of the tables, and column: 0 for the orbit, 1 to k for a tangent.
 READING_SIG = types.void(WORK, I8, I8)
-# work, step length, slot of the tables
+# Arguments: work, step length, slot of the tables.
 FILLING_SIG = types.void(WORK, F8, I8)
 
 
 class AdaptiveMarch(NamedTuple):
-    """A march: what it works on, and functions for what few runs need (collocation/march.py)."""
+    """A march: its arrays, and functions for features that few runs need (collocation/march.py)."""
 
     work: AdaptiveWork
     solve_for_tangents: Annotated[Any, FunctionField(TANGENTS_SIG)]
@@ -420,10 +468,14 @@ _BY_COMPONENT = (
 
 
 def empty_room(columns, values, stages, n_checks):
-    """Return the room of steps: `columns` (1 + k, R), shape of the values (1 + k, n_q, d, s)."""
+    """Return an uninitialised `StepRoom`, the workspace of one step.
+
+    `columns` is (1 + k, R), and `values` is the shape (1 + k, n_q, d, s) of the integrands. The
+    number of check points off the nodes is `n_checks`.
+    """
     d, s = values[2:]
     each, none = stages.jacobians, np.empty((0, 0, 0))
-    if len(each) == 1:  # of many components the stages have one Jacobian
+    if len(each) == 1:  # the stages of many components share one Jacobian
         each = np.empty((s, *each.shape[1:])) if values[0] > 1 else none
     by_component = {name: np.zeros(d) for name in _BY_COMPONENT}
     change = np.empty(d * s)
@@ -445,13 +497,16 @@ def empty_room(columns, values, stages, n_checks):
 
 
 def initial_state(h, largest, sizes):
-    """Return the state of a march that begins with a step of length h."""
+    """Return the `MarchState` of a march that begins with a step of length h.
+
+    `largest` and `sizes` (d,) are the initial values of the fields with these names.
+    """
     contraction = record(CONTRACTION, rate=1.0, change=1.0, length=1.0)
     return MarchState(record(CONTROL, next=h), record(COUNTS), contraction, largest, sizes)
 
 
 def restored_state(kept):
-    """Return the `MarchState` whose parts were stored as arrays of numbers."""
+    """Return the `MarchState` from its fields, which a checkpoint stores as plain arrays."""
     control, counts, contraction, *sizes = kept
     return MarchState(
         record(CONTROL, tuple(control[0])),
