@@ -1,9 +1,9 @@
 """Assemble the functions of an equation into a right-hand side and a Jacobian of all components.
 
-A right-hand side may be written ``f(t, y)``, ``f(t, y, params)`` (both return the values) or in
-place ``f(t, y, dy, params)``; a Jacobian likewise. One that reads memory takes it behind y. In each
-case the solver receives one compiled function of one fixed signature, to which memory is further
-components.
+A right-hand side may be written ``f(t, y)`` or ``f(t, y, params)``, which return the values, or in
+place ``f(t, y, dy, params)``. A Jacobian may be written in the same ways. A function that reads
+memory has it as its third argument. In each case the solver receives one compiled function of a
+fixed signature. Its argument z contains the d components of y, then the k d values of memory.
 """
 
 import warnings
@@ -22,8 +22,8 @@ from .python_calls import Callback, PythonFunctionWarning, before_addresses, in_
 class Functions(NamedTuple):
     """Compiled functions of a system, and their parameters.
 
-    `jac` may be None. If a function is called in Python, `params` (p,) end with the addresses of
-    `callbacks`, which must live as long as the functions are used.
+    `jac` may be None. If a function is called in Python, the last entries of `params` (p,) are the
+    addresses of `callbacks`. The callbacks must stay alive as long as the functions are used.
     """
 
     rhs: Any
@@ -72,7 +72,7 @@ def functions_of(
 
 
 def switch_of(switch: Any, y: np.ndarray, t: float) -> Any:
-    """Check and compile ``switch(t, y)``, a function with one value."""
+    """Check ``switch(t, y)``, which has one value, at y and t; return it compiled."""
     start = Start(y, np.zeros((0, y.size), y.dtype), np.zeros(0), t)
     required = "be functions switch(t, y) of real components that numba compiles"
     if not callable(switch) or start.paired:
@@ -97,7 +97,7 @@ def _jacobian(jac: Any, start: Start, shape: tuple[int, ...]) -> Function:
     """Check a Jacobian; return it with shape (j, k) of its values, or (1, k) if it fills a row."""
     if len(shape) > 1:
         return function_of("jac", "jacobian", jac, start, shape, JAC_SIG)
-    with warnings.catch_warnings():  # large systems keep their Jacobians for many steps
+    with warnings.catch_warnings():  # slow calls matter little: Jacobians serve many steps
         warnings.simplefilter("ignore", PythonFunctionWarning)
         made = function_of("jac", "data", jac, start, shape, RHS_SIG)
     return made._replace(compiled=made.compiled and _as_row(made.compiled))

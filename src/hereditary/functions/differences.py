@@ -1,4 +1,7 @@
-"""Check a given Jacobian against differences of the right-hand side; units of components."""
+"""Check a given Jacobian against differences of the right-hand side; find units of components.
+
+The unit of a component is the least size that steps of differences take it to have.
+"""
 
 from contextlib import suppress
 from typing import Any
@@ -46,21 +49,24 @@ def wrong_jacobian(
 ) -> str:
     """Return a complaint if the Jacobian is not the derivative of `rhs` near y0; otherwise "".
 
-    Its products with directions are compared with differences of `rhs` along them. Directions are
-    the axes for a dense Jacobian, and a random one where entries have a `structure`. Without `jac`
-    these entries are differences, of which some may be missed. A product is refused where two
-    points of three find it wrong beyond doubt. Then it misses two differences, of longer and of
-    shorter steps, by more than ten times what these are apart. So corners, jumps and points outside
-    the domain of `rhs` refuse nothing.
+    Products of the Jacobian with directions are compared with differences of `rhs` along these
+    directions. For a dense Jacobian the directions are the axes; with a `structure` there is one
+    random direction. Without `jac` the entries of the structure are differences, and the check
+    finds entries that the structure lacks.
+
+    A product is wrong at a point if it misses a difference by more than ten times the distance of
+    two differences, of longer and of shorter steps. The Jacobian is refused if a product is wrong
+    at two of three points. Therefore a corner or a jump of `rhs` does not refuse it, nor does a
+    point outside of the domain of `rhs`.
 
     Parameters
     ----------
     rhs, jac : callable
-        Compiled, filling their third argument.
+        Compiled functions, which fill their third argument.
     y0, params : ndarray, shape (d,) and (p,)
     structure : Structure, optional
     t : float
-        Time since the start.
+        Time since the start [time].
     """
     random = np.random.default_rng(0)
     units = units_of(rhs, params, y0)
@@ -154,7 +160,7 @@ def units_of(rhs: Any, params: np.ndarray, y0: np.ndarray) -> np.ndarray:
     """
     units = np.abs(y0)
     small = np.flatnonzero(units <= _SMALL * units.max())
-    if y0.size > FEW:  # components of large systems have no units of their own
+    if y0.size > FEW:  # one unit for all components of a large system
         units[:] = units.max() or np.abs(_moved(rhs, params, y0)).max()
         small = small[:0]
     with np.errstate(all="ignore"):  # steps may grow beyond all numbers
@@ -166,11 +172,14 @@ def units_of(rhs: Any, params: np.ndarray, y0: np.ndarray) -> np.ndarray:
 
 
 def _visible_step(rhs: Any, params: np.ndarray, y0: np.ndarray, c: int) -> float:
-    """Return a step of component c that moves f clearly and in proportion, at t = 0; 0 for none."""
+    """Return a step of component c that changes f clearly and proportionally at t = 0.
+
+    Returns 0 if no trial step does.
+    """
     force, found, shrunk = _moved(rhs, params, y0), 0.0, False
     size = max(abs(y0[c]), _FIRST_STEP * abs(force[c]))
     size = size if size > LEAST else _FIRST_STEP * np.abs(y0).max()
-    if size == 0:  # a force that sets in, or acts on another component
+    if size == 0:  # f_c = 0 at first: it may start later, or depend on others only
         later = [abs(_moved(rhs, params, y0, t=t)[c]) for t in _LATER]
         size = _FIRST_STEP * (np.nanmax([0.0, *later]) or np.abs(force).max())
     step = size
@@ -190,14 +199,17 @@ def _visible_step(rhs: Any, params: np.ndarray, y0: np.ndarray, c: int) -> float
             found = found or step
             if shrunk or clear.all():
                 return step if change.any() and linear.all() else found
-        step *= _APART  # f, of this component or of another, may hide the change by its rounding
+        step *= _APART  # rounding of f may hide the change
     return found
 
 
 def _moved(
     rhs: Any, params: np.ndarray, y0: np.ndarray, c: int = 0, step: float = 0.0, t: float = 0.0
 ) -> np.ndarray:
-    """Return f with a component moved up, or down; NaN if both are outside of its domain, (d,)."""
+    """Return f (d,) at y0 with component c changed by `step`.
+
+    If f is not finite there, component c is changed by -`step` instead. The result may be NaN.
+    """
     found = np.full(y0.size, np.nan)
     for by in (step, -step):
         y = y0.copy()

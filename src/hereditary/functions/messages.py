@@ -1,4 +1,4 @@
-"""Messages about a user's function: one sentence, with the line of the code."""
+"""Parts of messages about a user's function, which name the line of its code."""
 
 import linecache
 import re
@@ -11,7 +11,7 @@ from ..support.checks import complaint
 
 
 def code_of(fun: Any) -> CodeType | None:
-    """Return the code behind a function, a method, a partial or a callable object; or None."""
+    """Return the code of a function, a method, a partial or a callable object; or None."""
     fun = getattr(fun, "func", fun)
     return getattr(fun, "__code__", None) or getattr(type(fun).__call__, "__code__", None)
 
@@ -25,7 +25,7 @@ def defined(fun: Any) -> str:
 
 
 def line_of(error: Exception, fun: Any) -> str:
-    """Return a clause that names the line of `fun` at which an exception was raised; or ""."""
+    """Return a clause that names the line of `fun` that raised an exception; "" if unknown."""
     code = code_of(fun)
     path = code.co_filename if code else ""
     lines = [f for f in traceback.extract_tb(error.__traceback__) if f.filename == path]
@@ -42,7 +42,10 @@ def compile_reason(fun: FunctionType, error: Exception) -> str:
 
 
 def writing_complaint(name: str, fun: FunctionType, error: Exception) -> str:
-    """Return the message about a function that compiles only if it may change y and params."""
+    """Return the message about a function that writes into y or params.
+
+    numba compiles such a function only for writable arrays.
+    """
     return complaint(
         name,
         "leave y and params as they are",
@@ -78,4 +81,5 @@ def _reason(text: str) -> str:
     return _OF_NO_USE.sub("", first)
 
 
+# Parts of numba's sentence that do not help a user.
 _OF_NO_USE = re.compile(r"\. Raised from .*|^\w*Error: ")

@@ -25,14 +25,14 @@ from .messages import code_of
 N_ADDRESSES = 2
 # Most views of storage, by address, that one function keeps; a march uses few.
 _VIEWS = 256
-# Seconds for which a function is timed.
+# Time after which the timing of a function, for the warning, ends [seconds].
 _TIMED = 1e-3
-# Seconds that a call in Python adds to the function.
+# Time that a call from compiled code into Python adds to that of the function [seconds].
 _ADDED = 3e-6
-# Seconds of a compiled explicit step.
+# Time of one explicit step of a compiled equation [seconds].
 _COMPILED_STEP = 2e-7
-# What `math` raises outside of a function's domain, where compiled code gives NaN; the last three
-# from Python 3.14 on.
+# Messages of the ValueError of module `math` outside of a function's domain, where compiled code
+# gives NaN. The last three are those of Python 3.14 and later.
 _OUTSIDE = (
     "math domain error",
     "expected a nonnegative input",
@@ -47,15 +47,16 @@ class PythonFunctionWarning(UserWarning):
 
 
 class Callback:
-    """C function that fills an array by functions of t and the components.
+    """C function that fills an array with the values of a Python function.
 
     Parameters
     ----------
     name : str
         Name of the argument that is the function.
     fill : callable
-        ``fill(t, z, out)``, z (n,) read-only.
+        ``fill(t, z, out)``, which sets `out` from the components z (n,), a read-only array.
     n : int
+        Number of components.
     shape : tuple of int
         Shape of `out`.
 
@@ -78,14 +79,14 @@ class Callback:
         kinds = ctypes.c_double * n, ctypes.c_double * int(np.prod(shape))
 
         def call(t: float, given: int, wanted: int) -> int:
-            """Fill the values at one address from the components at another; 1 for an exception."""
+            """Fill values at address `wanted` from components at `given`; 1 after an exception."""
             try:
                 z, out = components.get(given), values.get(wanted)
                 if z is None:
                     z = _view(components, given, kinds[0], (n,))
                 if out is None:
                     out = _view(values, wanted, kinds[1], shape)
-                z = z.copy()  # which the function may keep
+                z = z.copy()  # the function may keep it
                 z.setflags(write=False)
                 fill(t, z, out)
                 return 0
@@ -95,7 +96,7 @@ class Callback:
                     out[...] = np.nan
                     return 0
                 keep_raised(error)
-                with suppress(Exception):  # of exceptions that take no attributes
+                with suppress(Exception):  # it may accept no attributes
                     error.add_note(f"raised by {name} at t = {t:.10g}")
                 return 1
 
@@ -114,7 +115,7 @@ def _view(
 
 @compiled
 def _rhs_in_python(t: float, y: np.ndarray, dy: np.ndarray, params: np.ndarray) -> None:
-    """Call the right-hand side at the address that is last but one in params."""
+    """Call the C function of a right-hand side, whose address is last but one in `params`."""
     address = int(params[params.shape[0] - 2])
     if call_at(address, t, y.ctypes.data, dy.ctypes.data) != 0:  # type: ignore[call-arg]
         raise PythonRaised
@@ -122,7 +123,7 @@ def _rhs_in_python(t: float, y: np.ndarray, dy: np.ndarray, params: np.ndarray) 
 
 @compiled
 def _jac_in_python(t: float, y: np.ndarray, jacobian: np.ndarray, params: np.ndarray) -> None:
-    """Call the Jacobian at the address that is last in params."""
+    """Call the C function of a Jacobian, whose address is last in `params`."""
     address = int(params[params.shape[0] - 1])
     if call_at(address, t, y.ctypes.data, jacobian.ctypes.data) != 0:  # type: ignore[call-arg]
         raise PythonRaised
@@ -136,7 +137,7 @@ def in_python(signature: Any) -> Any:
 
 @lru_cache(maxsize=256)
 def before_addresses(fun: Any, signature: Any) -> Any:
-    """Return a compiled function that hides the addresses behind the parameters from `fun`."""
+    """Return a compiled function that calls `fun` with the parameters, without the addresses."""
 
     def seen(t: float, y: np.ndarray, out: np.ndarray, params: np.ndarray) -> None:
         fun(t, y, out, params[: params.shape[0] - N_ADDRESSES])
@@ -145,7 +146,10 @@ def before_addresses(fun: Any, signature: Any) -> Any:
 
 
 def warn_of_python(name: str, fun: Any, reason: str, call: Callable[[], object]) -> None:
-    """Warn once for each function that it is called in Python, and how much slower that is."""
+    """Warn, once for each function, that Python runs it, and how many times longer runs may take.
+
+    ``call()`` runs the function once, and is timed.
+    """
     known = code_of(fun) or type(fun)
     if known in _warned:
         return

@@ -1,1 +1,1 @@
-"""The solver: runs over any stepper, events, output, solutions."""
+"""The solver: runs with any stepper, their events, output and solutions."""

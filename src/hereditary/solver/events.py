@@ -15,40 +15,42 @@ from ..support.checks import complaint, real, refuse, shown
 
 # Stands for an event function whose sign is known and whose value is not.
 TINY = 5e-324
-# Points of each step of `Collocation`, besides its end, at which functions are evaluated. Of sin 5t
-# next to D^0.5 y = -y, rtol 1e-4, 8 points find 159 of 159 zeros in 96 ms, and 1 finds 37 in 34 ms.
+# Number of points of each step of `Collocation`, besides its end, at which event functions are
+# evaluated. For the event sin 5t in a run of D^0.5 y = -y, rtol 1e-4, 8 points find 159 of 159
+# zeros in 96 ms, and 1 point finds 37 in 34 ms.
 _LOOKS = 8
-# Relative width to which a zero is found.
+# Width of a bracket, relative to the larger bound, at which the search for a zero ends.
 _LEAST_BRACKET = 2.0**-60
 
 
 class Events:
-    """Zeros of some functions along a run, located on its dense output.
+    """Zeros of event functions along a run, located on its dense output.
 
     Parameters
     ----------
     functions : sequence of callable
-        ``event(t, y)``, with the attributes `terminal` and `direction` as in SciPy. So many zeros
-        as `terminal` end the run, True for one (default False). Both directions count by default,
-        0; 1 upwards only, -1 downwards only. A number, or a truth value whose changes are sought;
-        NaN where there is none.
+        ``event(t, y)``, which returns a number, or a truth value whose changes count as zeros. NaN
+        means that the function has no value there. Attributes are as in SciPy. `terminal` is the
+        number of zeros after which the run ends, True for one; False, the default, never ends it.
+        `direction` is 1 if only zeros upwards count, -1 for downwards, 0, the default, for both.
     stepper : Stepper
-        Where the run begins.
+        A stepper at the beginning of the run.
     signs : dict
-        Signs that `signs` gave at the end of the run that this one goes on from.
+        What `signs` returned at the end of the run that is resumed; empty if none is.
     n_events : int, optional
-        Number of the first functions whose zeros a solution has; all by default.
+        Only the first `n_events` functions are events of the solution; all by default.
 
     Attributes
     ----------
     times, values : list of list
-        Zeros of each event, and the solution there.
+        Times of the zeros of each function, and the solution at these times.
     failure : str
-        How an event function failed; empty where none did.
+        How an event function failed; empty if none did.
     over : bool
-        Whether a terminal event ends the run there.
+        Whether a terminal event ended the last search, and so ends the run.
     interrupted : bool
-        Whether the march is to go on from there with another y or right-hand side.
+        Whether the run is to continue from the end of the last search with a changed y or
+        right-hand side.
     """
 
     over = interrupted = False
@@ -83,7 +85,7 @@ class Events:
         """
         self._start, self._values = t, list(values)
         for number, (value, sign) in enumerate(zip(values, after, strict=True)):
-            # a run that begins at a zero may stand on either side of it by its tolerance
+            # at a zero the computed value may have either sign, so the known sign replaces it
             if sign * np.sign(value) <= 0 and sign:
                 self._values[number] = math.copysign(max(abs(value), TINY), sign)
         self._after = [float(np.sign(value)) for value in self._values]
@@ -134,7 +136,7 @@ class Events:
     def _end(self, end: float, found: list[tuple[float, int, float]], edges: np.ndarray) -> float:
         """Return the time at which the march ends: that of a terminal event, or `end`."""
         self.over = end < math.inf
-        if self.failure and self._failed_at <= end:  # back to the last step before
+        if self.failure and self._failed_at <= end:  # back to the end of the step before it
             return edges[max(int(np.searchsorted(edges, self._failed_at)) - 1, 0)]
         self.failure = ""
         return end
@@ -168,7 +170,7 @@ class Events:
         times: np.ndarray | list[float],
         rows: np.ndarray | list[np.ndarray],
     ) -> np.ndarray:
-        """Return values at several times, NaN from the first failure on."""
+        """Return values of a function at several times; NaN from its first failure on."""
         values = np.full(len(times), math.nan)
         try:
             for i, (t, y) in enumerate(zip(times, rows, strict=True)):
@@ -185,7 +187,7 @@ class Events:
     def _zeros(
         self, function: Callable, times: np.ndarray, values: np.ndarray, at: Callable
     ) -> Iterator[tuple[float, float]]:
-        """Return zeros in ascending order, each with the sign after it.
+        """Yield the zeros of a function in ascending order, each with the sign after it.
 
         A zero at the first time belongs to the interval before. Next to a NaN no zero is found.
         """
@@ -199,7 +201,8 @@ class Events:
                 continue
 
             def along(t: float, i: np.intp = i) -> float:
-                # at the ends the signs are known; another rounding must not change them
+                # the values at the ends are known; evaluated again, rounding could change their
+                # signs
                 if t == times[i] or t == times[i + 1]:
                     return float(values[i] if t == times[i] else values[i + 1])
                 value = value_of(function, t, at(np.array([t]))[0])
@@ -237,7 +240,7 @@ def value_of(function: Callable, t: float, y: np.ndarray) -> float:
         value = np.asarray(function(t, given))
     except Exception as error:
         raise _Failed(function, f"raised {type(error).__name__}: {error}", t) from error
-    if given.tobytes() != y.tobytes():  # an eighth of the time of np.array_equal
+    if given.tobytes() != y.tobytes():  # takes an eighth of the time of np.array_equal
         raise _Failed(function, "wrote into y, where only its attribute `change` sets y,", t)
     if value.size != 1 or value.dtype.kind not in "biuf":
         raise _Failed(function, f"returned {shown(value)}", t)
@@ -282,7 +285,7 @@ def _limit(function: Callable) -> float:
 
 
 def bracketed_root(function: Callable[[float], float], low: float, high: float) -> float:
-    """Find a zero of a continuous function between points of different sign, to rounding.
+    """Return a zero of a continuous function between `low` and `high`, accurate to rounding.
 
     The method is Anderson's and Bjorck's variant of false position, with a bisection whenever three
     steps have not halved the bracket. (The import of scipy.optimize, which has similar methods,
@@ -292,7 +295,7 @@ def bracketed_root(function: Callable[[float], float], low: float, high: float) 
     if f_low == 0.0:
         return low
     width, slow = abs(high - low), 0
-    least = _LEAST_BRACKET * max(abs(low), abs(high))  # around 0, where all numbers are apart
+    least = _LEAST_BRACKET * max(abs(low), abs(high))  # near 0 floats are so dense that the bracket could shrink on
     while f_high != 0.0:
         middle = low + 0.5 * (high - low)
         if middle in (low, high) or abs(high - low) <= least:

@@ -1,4 +1,4 @@
-"""Error of first-order runs on given steps, from two companions with fewer steps."""
+"""Estimates of the error of first-order runs, from companions: two runs with fewer steps."""
 
 from __future__ import annotations
 
@@ -22,26 +22,28 @@ class _Companions(NamedTuple):
     coarse: int
 
 
-# Companions with a tenth and a twentieth of the steps.
+# First pair of companions: a tenth and a twentieth of the run's steps.
 _CHEAP = _Companions(20, 2, 1)
-# Fewest steps of their run.
+# Smallest number of steps of a run for which the first pair is computed.
 _FEWEST = 400
-# Companions with a half and a third of the steps.
+# Second pair of companions: a half and a third of the run's steps.
 _CLOSE = _Companions(6, 3, 2)
-# Fewest steps of their run.
+# Smallest number of steps of a run for which the second pair is computed.
 _LEAST = 60
-# Steps of the run whose errors do not count: relaxations of order below 1 err by h**alpha instead
-# of h in the first ones. With 20 in place of 40 the estimate is up to 150 times the error.
+# Number of first steps of the run whose errors do not count: in them relaxations of an order alpha
+# below 1 have errors like h**alpha instead of h. With 20 in place of 40 the estimate is up to 150
+# times the error.
 _SETTLED = 40
-# Numbers of the coarser companion between comparisons: fewer take longer, more take room.
+# Number of values of the coarser companion that are computed between two comparisons: fewer take
+# more time, more take more storage.
 _NUMBERS = 65_536
-# Largest difference of companions from which an error follows, as fraction of the solution's size.
+# Largest difference of two companions that gives an estimate, as fraction of the solution's size.
 _ALIKE = 1.0
-# Largest error without a warning, as fraction of the solution's size.
+# Largest estimated error without a warning, as fraction of the solution's size.
 _LARGE = 0.05
-# Largest fraction of the stability limit in companions whose difference gives the error, for
-# relaxations next to the limit alternate: their differences are 180 times the error of the run at
-# 0.92 of it, 40 times at 0.65 (order 1/2).
+# Largest stiffness ratio of companions (1 at the stability limit) whose difference gives an
+# estimate. Near the limit relaxations alternate in sign: for order 1/2 the difference is 180 times
+# the error of the run at a ratio of 0.92, and 40 times at 0.65.
 _STABLE = 0.75
 _LEFT_OUT = "estimate=False leaves this estimate out"
 
@@ -72,7 +74,7 @@ def note_error(solution: Solution, stepper: FixedStepper, n_steps: int) -> None:
 
 
 def estimated_error(stepper: FixedStepper, n_steps: int) -> float | None:
-    """Return the largest error from 40 steps on relative to the size of each component, or None.
+    """Return the largest error after 40 steps, relative to the size of each component, or None.
 
     Cheap companions have a tenth and a twentieth of the steps. If they are unstable or differ by
     the size of the solution, companions with a half and a third of the steps are run. If these
@@ -99,7 +101,10 @@ def estimated_error(stepper: FixedStepper, n_steps: int) -> float | None:
 
 
 def _difference(stepper: FixedStepper, pair: _Companions, n_steps: int) -> float | None:
-    """Return the largest difference of companions relative to sizes; None if one is unstable."""
+    """Return the largest difference of two companions, relative to sizes of components.
+
+    Returns None if a companion is unstable or stops early.
+    """
     d, n, done = stepper.system.n_solved, n_steps // pair.run, 0
     difference, first = np.zeros(d), -(-_SETTLED // pair.run)
     with silence():

@@ -31,7 +31,9 @@ def how_to_step(
     history: History | None = None,
     **how: Any,
 ) -> Any:
-    """Return how a run steps: `UniformSteps`, `MeshSteps` or a `Tolerance`; refuse all else.
+    """Return how a run steps: `UniformSteps`, `MeshSteps` or a `Tolerance`.
+
+    Raises an error for arguments that do not fit the scheme or each other.
 
     Parameters
     ----------

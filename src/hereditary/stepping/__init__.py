@@ -1,1 +1,1 @@
-"""The contract of steppers, and what runs on given and on chosen steps share."""
+"""The interface of steppers, and code for runs both with given and with adaptive steps."""

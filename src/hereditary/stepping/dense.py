@@ -15,9 +15,11 @@ from numpy.typing import ArrayLike
 from ..equation.frame import Frame
 from ..support.checks import real_array, refuse, shown
 
-# Largest distance of a curve from its chords, as a fraction of its size: half a pixel of 1,000.
+# Largest distance of a plotted curve from its chords, as a fraction of the curve's size: half a
+# pixel if the figure has 1,000 pixels.
 _CHORD = 5e-4
-# Most points of a curve that never becomes smooth, such as rounding errors of a constant.
+# Number of points at which the refinement of a curve stops, for curves that are never smooth, such
+# as rounding errors of a constant.
 _MOST = 100_000
 # Number of halvings of a long step before chords are compared with the curve: the middle of a chord
 # over a whole oscillation lies on the curve.
@@ -25,10 +27,11 @@ _HALVINGS = 3
 
 
 class Piece:
-    """Dense output on one step, or on several consecutive ones."""
+    """Dense output on one step, or on several consecutive steps, of d components."""
 
+    # solution inside the first two steps of a run, if it is known there
     starting: Any = None
-    # whether steps are so long that their ends alone do not show the motion
+    # whether steps are so long that a curve needs points between their ends
     coarse = True
 
     def edges(self) -> np.ndarray:
@@ -45,7 +48,7 @@ class Piece:
     def evaluate_both(
         self, t: np.ndarray, second: np.ndarray, slopes: bool
     ) -> tuple[np.ndarray, np.ndarray]:
-        """Return y and y' at times t inside the steps, (k, d) each; NaN for y' without `slopes`."""
+        """Return y and y' at k times t in the steps, (k, d) each; y' is NaN without `slopes`."""
         y = self.evaluate(t, second, 0)
         return y, self.evaluate(t, second, 1) if slopes else np.full_like(y, np.nan)
 
@@ -57,14 +60,14 @@ class Piece:
 
 
 class Dense:
-    """The solution at any time of a run, from the steps that made it.
+    """The solution of a run at any time, from the interpolants of its steps.
 
     Parameters
     ----------
     second : ndarray of bool, shape (d,)
-        Components whose first derivative was the unknown.
+        Whether each component has an order above 1: then y' was an unknown of the steps.
     frame : Frame
-        How the user sees times and components.
+        Map from times and components of the run to those of the user.
     """
 
     def __init__(
@@ -78,7 +81,7 @@ class Dense:
 
     @property
     def coarse(self) -> bool:
-        """Whether steps are so long that their ends alone do not show the motion."""
+        """Whether steps are so long that a curve needs points between their ends."""
         return any(piece.coarse for piece in self._pieces)
 
     def add(self, piece: Piece, start: float) -> None:
@@ -87,7 +90,10 @@ class Dense:
         self._starts.append(start)
 
     def __call__(self, t: ArrayLike, derivative: int, end: float) -> np.ndarray:
-        """Return y, or y' for ``derivative=1``, at times t up to `end`; shape (d,) or (k, d)."""
+        """Return y, or y' for ``derivative=1``, at t; shape (d,), or (k, d) for k times.
+
+        Times t and `end`, the last time allowed, are those of the user.
+        """
         times = np.atleast_1d(real_array("t", t))
         if times.ndim > 1:
             refuse("t", "be a number or of shape (k,)", f"shape {times.shape}", "pass t.ravel()")
@@ -135,7 +141,7 @@ class StepPieces(Piece):
     times : ndarray, shape (k+1,)
         Start of the first step, and ends of all steps [time].
     rows, slopes : ndarray, shape (k+1, d)
-        Solution and first derivative there.
+        Solution and first derivative at these times.
     starting : FirstSteps or None
         The solution inside the first two steps of a run, if it is known.
     n : int
@@ -156,7 +162,7 @@ class StepPieces(Piece):
         self.starting, self._n = starting, n
         if starting is not None:
             for number in range(max(1, n), min(3, n + times.size)):
-                if times[number - n] >= starting.ends[number - 1]:  # no event before it
+                if times[number - n] >= starting.ends[number - 1]:  # not cut by an event
                     starting.end(number, rows[number - n])
 
     def edges(self) -> np.ndarray:
@@ -170,7 +176,7 @@ class StepPieces(Piece):
         return self.rows[1:][chosen], self.slopes[1:][chosen]
 
     def evaluate(self, t: np.ndarray, second: np.ndarray, derivative: int) -> np.ndarray:
-        """Return y or y' at times t inside the steps, shape (k, d)."""
+        """Return y, or y' for ``derivative=1``, at k times t inside the steps, shape (k, d)."""
         last = self.times.size - 1
         i = np.clip(np.searchsorted(self.times, t), 1, last)
         # if a change of y has given a time two rows, the second row counts
@@ -195,10 +201,10 @@ class StepPieces(Piece):
 def curve(
     solution: Any, components: Any, derivatives: Sequence[int] = (0,)
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return times (k,) and values (k, m) that straight lines may join.
+    """Return times (k,) and values (k, m) of a curve that looks smooth if straight lines join them.
 
-    They are the rows and, where the steps are long, points of the dense output between them. The
-    columns are the chosen components of y, of y', or of both one after the other.
+    They are the rows of the solution and, if steps are long, points of its dense output between
+    rows. The columns are the chosen components of y, of y', or first of one and then of the other.
     """
     t = solution.t
     values = np.hstack([(solution.y, solution.ydot)[k][:, components] for k in derivatives])

@@ -17,26 +17,28 @@ def check_smoothness(smoothness: str) -> None:
 
 
 class Scheme(ABC):
-    """A way to take one step; subclasses are final frozen dataclasses, one file each.
+    """A scheme that advances the solution by one step; each subclass is a final frozen dataclass.
 
-    A subclass declares how a step is solved (`solve`, a key of `MARCHES` in given/march.py),
-    what it takes, its proven order and its plan. The study convergence/capabilities.py tables what
-    it takes.
+    A subclass declares how a step is solved (`solve`, a key of `MARCHES` in given/march.py), its
+    proven order, its plan, and the equations that it accepts. The study convergence/capabilities.py
+    makes a table of these equations.
 
     Attributes
     ----------
     several_terms : bool
         Whether a component may have several terms, up to the highest order `several_up_to`.
     components_differ : bool
-        Whether components may have terms of their own.
+        Whether components may have different terms.
     takes_kernels, takes_varying, takes_memory : bool
-        Whether terms may have kernels other than Caputo's, orders that vary, and be read by f.
+        Whether terms may have kernels other than Caputo's, may have orders that vary, and may be
+        memory that f reads.
     takes_algebraic : bool
-        Whether components may have no term: then their rows are 0 = f.
+        Whether components may have no term, so that their equations are algebraic, 0 = f.
     takes_meshes, takes_tangents : bool
-        Whether steps may differ in length, up to order `meshes_up_to`, and tangents go along.
+        Whether steps may differ in length, for orders up to `meshes_up_to`. Whether the scheme also
+        solves for tangents.
     takes_switches : bool
-        Whether f may jump at switches.
+        Whether f may jump where a switch function changes its sign.
     """
 
     solve: ClassVar[str] = "newton"
@@ -94,7 +96,7 @@ class Scheme(ABC):
 
     @abstractmethod
     def order(self, alpha: float, smoothness: str = "smooth") -> float:
-        """Return the proven order of convergence at a fixed time."""
+        """Return the proven order of convergence at a fixed time for an equation of order alpha."""
 
     @abstractmethod
     def plan(self, system: System, h: float) -> Any:
@@ -105,7 +107,7 @@ class Scheme(ABC):
         return None
 
     def mesh_plan(self, system: System, times: np.ndarray) -> Any:
-        """Make the `Plan` for `system` on a mesh of any steps."""
+        """Make the `Plan` for `system` on a mesh, whose steps may differ in length."""
         if self.takes_meshes:
             raise NotImplementedError(f"{type(self).__name__}.mesh_plan")
         required = f"be left out with {type(self).__name__}, which takes uniform steps"

@@ -16,7 +16,7 @@ from .scheme import Scheme
 _LOOKS = np.linspace(0.0, 1.0, 5)
 # Properties of an equation that may change on purpose, because the memory does not depend on them.
 _CHANGEABLE = ("params", "right-hand side")
-# Characters of a value that a message shows.
+# Largest number of characters of a value that a message shows.
 _SHOWN = 120
 
 
@@ -36,15 +36,16 @@ class State:
     history : History or None
         History of given steps; None with a tolerance.
     identity : dict
-        Terms, right-hand side and more, by name; checked on resuming, as `version` and `layout`.
+        Terms, right-hand side and other properties of the run, by name. They are checked when the
+        run is resumed, and so are `version` and `layout`.
     checkpoint : tuple
         What the stepper's `checkpoint` returned.
     event_signs : dict
         Sign of each event function just after `t`, by its digest.
     version : str
-        Version of the library.
+        Version of the library that made the state.
     layout : list
-        Shapes and types of the arrays.
+        Shape and type of each array in the state.
     """
 
     t: float
@@ -137,7 +138,7 @@ def identity(system: System, t: float, **how: Any) -> dict[str, Any]:
 def described_terms(system: System, t: float) -> dict[str, list]:
     """Return orders, kernels and coefficients of terms in a form that can be compared.
 
-    Functions are known by some of their values up to time t.
+    A function is represented by several of its values up to time t.
     """
     left = system.left
     return {
@@ -167,7 +168,7 @@ def _short(value: object) -> str:
 
 
 def described(description: Any) -> str:
-    """Return a description of a frozen dataclass: its name and its values.
+    """Return a text that describes a frozen dataclass: its name and its fields.
 
     A value may be a scheme, which is described likewise.
     """

@@ -1,4 +1,4 @@
-"""Statuses of runs."""
+"""How runs end: the statuses, their warnings, and what an exception ends."""
 
 import enum
 import traceback
@@ -8,25 +8,26 @@ from ..compiled.callbacks import original
 from ..equation.orders import OrderFailed
 from ..kernels.memory_kernel import MemoryKernel
 
-# Detail of a run that ends because no way ahead stays in the domain of the right-hand side.
+# Detail in the message of a run that ends because every step leaves the domain of the right-hand
+# side.
 NOT_FINITE = "the right-hand side is not finite just ahead"
 
 
 class Status(enum.StrEnum):
-    """End of a run: a string, ``sol.status == "blown_up"``.
+    """How a run ended: a string, as in ``sol.status == "blown_up"``.
 
-    docs/troubleshooting.md has a remedy for each.
+    docs/troubleshooting.md has a remedy for each status.
 
     Attributes
     ----------
     sentence : str
-        What the solution's message begins with.
+        First words of the message of a solution with this status.
     """
 
     sentence: str
 
     def __new__(cls, value: str, sentence: str) -> "Status":
-        """Make a member with its sentence."""
+        """Return the member with this value and this sentence."""
         member = str.__new__(cls, value)
         member._value_, member.sentence = value, sentence
         return member

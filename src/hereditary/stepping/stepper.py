@@ -16,7 +16,7 @@ from .status import Ending, Status
 
 
 class Stop(NamedTuple):
-    """A position at which a march can stop, and its time."""
+    """A position at which a stepper can stop, and the time of that position."""
 
     position: float
     t: float
@@ -38,30 +38,32 @@ class Health(NamedTuple):
 
 
 class Stepper(ABC):
-    """A march of one equation that moves on when it is asked to.
+    """Base class of steppers, which march one equation forward in time.
 
-    Runs, events, ensembles, exponents and sensitivities use steppers by this contract. The engines
-    have two, `FixedStepper` and `AdaptiveStepper`; `tests/solver/test_contract.py` has one of
-    twenty lines. In the order of a run a stepper
+    Runs, events, ensembles, Lyapunov exponents and sensitivities use steppers by this interface
+    only. `FixedStepper` has given steps and `AdaptiveStepper` chooses them;
+    `tests/solver/test_contract.py` has an example of twenty lines. In the order of a run:
 
-    1. begins with the initial values of its `system` at time 0, the user's `t_start`;
-    2. stops at the jumps of the right-hand side that `set_breaks` names, or steps next to them;
-    3. moves on in `advance` by as many steps as take a moment, towards a position and never beyond
-       it. It returns the solution on the way. `stop_at` finds the position of a time;
-    4. has then reached `position` and `t`, with the solution `y` and its derivative `ydot`;
-    5. says in `trouble` why it cannot go on, after the steps before that;
-    6. says in `health` what is wrong with a march that does go on, and counts in `stats`;
-    7. comes back by `come_back` to what `checkpoint` returned.
+    1. A stepper begins with the initial values of its `system` at time 0, the user's `t_start`.
+    2. `set_breaks` names times at which the right-hand side jumps.
+    3. `advance` makes steps for a short computing time, towards a position and never beyond it. It
+       returns the solution on these steps. `stop_at` finds the position of a time.
+    4. `position`, `t`, `y` and `ydot` are the position and the time reached, and the solution and
+    its
+       derivative there.
+    5. `trouble` says why the stepper cannot make the next step.
+    6. `health` has faults that do not stop the march, and `stats` has counts.
+    7. `come_back` restores what `checkpoint` returned.
 
-    Three abilities have contracts of their own: `ResumableStepper`, `TangentStepper` and
+    Three subclasses have further methods: `ResumableStepper`, `TangentStepper` and
     `JumpingStepper`.
 
     Attributes
     ----------
     system : System
     counted : bool
-        Whether positions count given steps. Then events are evaluated at ends of steps alone, and
-        dense output is made of the rows.
+        Whether a position is a number of given steps; otherwise it is a time. With given steps
+        events are evaluated at ends of steps only, and dense output interpolates the rows.
     """
 
     system: System
@@ -73,7 +75,7 @@ class Stepper(ABC):
             refuse("breaks", f"be left out with {type(self).__name__}", shown(times))
 
     def stop_at(self, t: float) -> Stop:
-        """Return the position of a march that stops at time t, or at the first step not before."""
+        """Return the position and the time of the first possible stop that is not before time t."""
         return Stop(t, t)
 
     @abstractmethod
@@ -83,7 +85,7 @@ class Stepper(ABC):
     @property
     @abstractmethod
     def position(self) -> float:
-        """Number of steps made, or the time."""
+        """Number of steps made if `counted`, otherwise the time reached."""
 
     @property
     @abstractmethod
@@ -93,7 +95,7 @@ class Stepper(ABC):
     @property
     @abstractmethod
     def y(self) -> np.ndarray:
-        """Solution at `t`, shape (d,); a copy."""
+        """Solution at `t`, shape (d,) for d components; a copy."""
 
     @property
     def ydot(self) -> np.ndarray:
@@ -111,7 +113,7 @@ class Stepper(ABC):
         return Health()
 
     def stats(self) -> dict[str, Any]:
-        """Return counts and errors for the solution's stats; by default positions count steps."""
+        """Return counts and errors for `Solution.stats`; by default only the position."""
         return {"n_steps": self.position, "history_bytes": 0}
 
     @abstractmethod
@@ -124,7 +126,7 @@ class Stepper(ABC):
 
 
 class ResumableStepper(Stepper):
-    """A stepper whose march can go on in another run."""
+    """A stepper whose march another run can resume."""
 
     @abstractmethod
     def state(self) -> State:
@@ -136,7 +138,7 @@ class ResumableStepper(Stepper):
 
 
 class Grown(NamedTuple):
-    """Growth of the tangents over a part of a march.
+    """Growth of k tangents over a part of a march with n renormalisations.
 
     - piece: dense output of this part, or None.
     - logs: for each renormalisation its mark, and the logarithms of the growth since the one
@@ -155,11 +157,14 @@ class TangentStepper(Stepper):
     @property
     @abstractmethod
     def tangent(self) -> np.ndarray:
-        """Derivatives of y, and of y' for orders above 1, along k directions, (n_data, k)."""
+        """Derivatives of y, and of y' for orders above 1, along k directions, (n_data, k).
+
+        The n_data rows are the components of y, followed by y' of those with orders above 1.
+        """
 
     @abstractmethod
     def transform_tangent(self, matrix: np.ndarray) -> None:
-        """Replace the tangents and all of their history by ``tangent @ matrix``, matrix (k, k)."""
+        """Replace the tangents and their history by ``tangent @ matrix``; matrix (k, k)."""
 
     def grow(self, stop: float, schedule: Any) -> Grown:
         """March towards position `stop`, and make the tangents orthonormal when that is due.
@@ -171,7 +176,7 @@ class TangentStepper(Stepper):
         ----------
         stop : float
         schedule : SCHEDULE
-            When renormalisations are due, which depends on the growth (compiled/schedule.py).
+            Times of the renormalisations, which it adapts to the growth (compiled/schedule.py).
         """
         mark, k = int(due(schedule)), self.tangent.shape[1]
         target = mark * float(schedule["unit"])
@@ -189,21 +194,21 @@ class TangentStepper(Stepper):
 
 
 class JumpingStepper(Stepper):
-    """A stepper whose y and parameters may jump, at events and stated times."""
+    """A stepper whose y and parameters may jump at events and at given times."""
 
     @abstractmethod
     def expect_jumps(self, of_y: bool) -> None:
-        """Prepare for jumps of f, and of y if `of_y`: make few steps at once, or refuse."""
+        """Prepare for jumps of f, and of y if `of_y`: `advance` makes few steps; or refuse them."""
 
     @abstractmethod
     def set_y(self, y: np.ndarray) -> None:
-        """Let y jump to these values, (d,), at the present time; no memory sees the jump."""
+        """Set y (d,) at the present time; the jump does not enter the memory."""
 
     @abstractmethod
     def set_parameter(self, number: int, value: float) -> None:
-        """Set a parameter of the right-hand side, which jumps."""
+        """Set the parameter `number` of the right-hand side, which makes f jump."""
 
     @property
     @abstractmethod
     def uncertainty(self) -> np.ndarray:
-        """Errors of y, (d,); closer to a zero than this, the side of y is unknown."""
+        """Errors of y, (d,): the sign of a component closer to 0 than its error is unknown."""

@@ -7,12 +7,12 @@ from numpy.typing import ArrayLike
 
 from ..support.checks import real_array, refuse, shown
 
-# Times closer than this, relatively, are one time: a few hundred units of rounding.
+# Relative distance up to which two times count as one: a few hundred units of rounding.
 _ONE_TIME = 1e-13
 
 
 def checked_breaks(breaks: ArrayLike, start: float) -> np.ndarray:
-    """Return increasing, distinct times above `start`, shape (k,), counted from there."""
+    """Return the breaks as increasing, distinct times after `start`, shape (k,), minus `start`."""
     given = real_array("breaks", breaks)
     if given.size == 0:
         return given.ravel()
@@ -33,7 +33,7 @@ def together(times: Any, t: Any, origin: float = 0.0) -> np.ndarray:
 def breaks_ahead(
     times: np.ndarray, start: float, t_end: float, origin: float
 ) -> tuple[bool, np.ndarray]:
-    """Return whether there is a break at `start`, and those between `start` and t_end."""
+    """Return whether there is a break at a `start` above 0, and the breaks between it and t_end."""
     at_once, at_end = together(times, start, origin), together(times, t_end, origin)
     ahead = (times > start) & (times < t_end) & ~at_once & ~at_end
     return bool(np.any(at_once)) and start > 0, times[ahead]
