@@ -11,7 +11,7 @@ p - p(0) if alpha_j, rounded up, is m as well. If the order alpha - alpha_j exce
 
 Terms with general kernels or varying orders are no such integrals; they are subtracted from the
 right-hand side. If they contain the highest derivative, the row of p is *implicit*: p follows from
-the balance of right-hand side and terms, and p' is an integrand.
+the balance of right-hand side and terms. Then p' is an integrand.
 """
 
 from collections import Counter

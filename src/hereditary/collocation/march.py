@@ -1,8 +1,8 @@
 """March of collocation steps whose lengths keep the tolerance.
 
-Letters of shapes: d components, R rows of the equations, s nodes, M modes, n_q integrands (f, p and
-y, and p' if needed), k tangents. Row c < d is p of component c, row d + c the terms subtracted from
-its f. The primary unknown p is y, or y' for orders above 1. `m` is an `AdaptiveWork`, `m.room` its
+Letters of shapes: d components, R rows of the equations, s nodes, M modes, n_q integrands (f, p, y
+and perhaps p'), k tangents. Row c < d is p of component c, row d + c the terms subtracted from its
+f. The primary unknown p is y, or y' for orders above 1. `m` is an `AdaptiveWork`, `m.room` its
 workspace.
 """
 

@@ -5,8 +5,8 @@ directions. Each has present values, initial values, and a history. The history 
 modes and the values on the last step, whose time lag is too short for the modes.
 
 Letters of shapes: d components, s nodes, R rows of the equations, M modes, n convolution terms, n_q
-integrands (f, p and y, and p' if needed). The primary unknown p is y, or y' for orders above 1. Row
-c < d is p of component c, row d + c the terms subtracted from its right-hand side.
+integrands (f, p, y and perhaps p'). The primary unknown p is y, or y' for orders above 1. Row c < d
+is p of component c, row d + c the terms subtracted from its right-hand side.
 """
 
 from __future__ import annotations

@@ -54,7 +54,7 @@ class Plain:
         return directions
 
     def values(self, x, p):
-        """Return y and y', (..., d) each, from values x and slopes p; NaN where y' is no unknown."""
+        """Return y and y', (..., d) each, of values x and slopes p; NaN if y' is no unknown."""
         return x.copy(), np.where(self.second, p, np.nan)
 
     def piece(self, piece):
@@ -90,7 +90,7 @@ class Reading(Plain):
         return wide
 
     def values(self, x, p):
-        """Return y and y', (..., d) each, from values x and slopes p; NaN where y' is no unknown."""
+        """Return y and y', (..., d) each, of values x and slopes p; NaN if y' is no unknown."""
         speeds = np.where(self.second, x[..., self._speeds], np.nan)
         return x[..., : self._d].copy(), speeds
 

@@ -54,10 +54,10 @@ def wrong_jacobian(
     random direction. Without `jac` the entries of the structure are differences, and the check
     finds entries that the structure lacks.
 
-    A product is wrong at a point if it misses a difference by more than ten times the distance of
-    two differences, of longer and of shorter steps. The Jacobian is refused if a product is wrong
-    at two of three points. Therefore a corner or a jump of `rhs` does not refuse it, nor does a
-    point outside of the domain of `rhs`.
+    A product is wrong at a point if it misses a difference by too much. That is ten times the
+    distance of two differences, of longer and of shorter steps. The Jacobian is refused if a
+    product is wrong at two of three points. Therefore a corner or a jump of `rhs` does not refuse
+    it, nor does a point outside of the domain of `rhs`.
 
     Parameters
     ----------

@@ -295,7 +295,8 @@ def bracketed_root(function: Callable[[float], float], low: float, high: float) 
     if f_low == 0.0:
         return low
     width, slow = abs(high - low), 0
-    least = _LEAST_BRACKET * max(abs(low), abs(high))  # near 0 floats are so dense that the bracket could shrink on
+    # near 0 floats are so dense that the bracket could shrink on
+    least = _LEAST_BRACKET * max(abs(low), abs(high))
     while f_high != 0.0:
         middle = low + 0.5 * (high - low)
         if middle in (low, high) or abs(high - low) <= least:

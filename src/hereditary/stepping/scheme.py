@@ -19,9 +19,9 @@ def check_smoothness(smoothness: str) -> None:
 class Scheme(ABC):
     """A scheme that advances the solution by one step; each subclass is a final frozen dataclass.
 
-    A subclass declares how a step is solved (`solve`, a key of `MARCHES` in given/march.py), its
-    proven order, its plan, and the equations that it accepts. The study convergence/capabilities.py
-    makes a table of these equations.
+    A subclass declares how a step is solved: `solve` is a key of `MARCHES` in given/march.py. It
+    also declares its proven order, its plan, and the equations that it accepts. The study
+    convergence/capabilities.py makes a table of these equations.
 
     Attributes
     ----------
