@@ -85,8 +85,8 @@ _GROWING = 1e-3
 # A run has not blown up if its next step was reduced to this fraction of the last one: then f
 # jumps.
 _WALL = 1e-8
-# Distances from a failed step at which f is evaluated, in lengths of the last step: positive along
-# the last change of y, negative against it.
+# Distances from a failed step at which f is evaluated, in lengths of the last step. They are
+# positive along the last change of y, negative against it.
 _DISTANCES_AHEAD = (0.0, 1.0, 10.0, 100.0, 1000.0, -1.0, -10.0, -100.0, -1000.0)
 # f jumps if it changes over these distances by more than this fraction of its size, since steps are
 # short.

@@ -15,7 +15,7 @@ from ..compiled.linalg import add_rows, clear, clear_matrix, multiply_modes, put
 from .operators import first_of_kind, number_of
 from .structures import ModeWeights, StepTables
 
-# Step lengths are 2**(n / _PER_OCTAVE), rounded up.
+# Number of step lengths between two powers of 2: lengths are 2**(n / _PER_OCTAVE), rounded up.
 _PER_OCTAVE = 8
 # Step lengths are multiples of their power of two over this number, so that sums of them are exact.
 # Otherwise rounding errors of equal steps accumulate to a drift of time.
@@ -28,7 +28,8 @@ SLOTS = 64
 _MOST = 8
 # exp(-z) is set to 0 from this z on.
 _UNDERFLOW = 700.0
-# Arguments below which Bessel functions are 1 - x, x / 3 and 0 in rounding.
+# Argument x below which, up to rounding, the scaled Bessel functions of orders 0, 1 and higher are
+# 1 - x, x / 3 and 0.
 _SMALL = 1e-8
 # First value of the downward recurrence of Bessel functions, which is accurate for arguments from
 # 1e-8 on.
@@ -36,7 +37,10 @@ _SEED = 1e-200 + 0j
 
 
 def empty_weights(equations, modes, n_integrands, s):
-    """Allocate the weights of modes (1 + k, R, M); no rows where all offsets are 0."""
+    """Return uninitialised `ModeWeights` for `modes` (1 + k, R, M) and a rule of s nodes.
+
+    If all offsets are 0, the array of their weights has no rows.
+    """
     n_columns, n_rows, n_modes = modes.shape
     n_kept = n_rows // equations.kinds.size * (int(equations.kinds.max()) + 1)
     n_offsets = n_rows if equations.offsets.any() else 0
@@ -54,7 +58,7 @@ def empty_tables(n_modes, s, n_kernels):
 
 @inner
 def floor_to_grid(h):
-    """Return the largest length of the grid that does not exceed h, up to rounding."""
+    """Return the largest step length on the grid that does not exceed h, up to rounding."""
     power = math.floor(_PER_OCTAVE * math.log2(h)) / _PER_OCTAVE
     octave = math.floor(power)
     return math.ceil(2.0 ** (power - octave) * _DIGITS) / _DIGITS * 2.0**octave
@@ -62,7 +66,7 @@ def floor_to_grid(h):
 
 @inner
 def find_slot(march, h):
-    """Return the slot with the factors of a step of length h, computed if they are missing."""
+    """Return the slot of the factors for a step of length h; compute missing factors."""
     lengths = march.work.tables.lengths
     slot = math.floor(_PER_OCTAVE * math.log2(h) + 0.5) % lengths.shape[0]
     if lengths[slot] != h:
@@ -76,7 +80,7 @@ def find_slot(march, h):
 
 @inner
 def fill_slot(m, h, slot):
-    """Compute the factors of modes with real rates for a step of length h."""
+    """Compute the factors of modes with real rates in a slot, for a step of length h."""
     rates, nodes, tables, real = m.basis.rates, m.rule.nodes, m.tables, m.weights.coefficients
     s = nodes.shape[0]
     to_nodes, to_end, moments = tables.to_nodes[slot], tables.to_end[slot], tables.moments[slot]
@@ -90,7 +94,7 @@ def fill_slot(m, h, slot):
 
 @plug_in
 def fill_kernels(m, h, slot):
-    """Compute the factors of pairs of complex rates, and convolutions with general kernels."""
+    """Compute the factors of complex modes and the convolutions with general kernels in a slot."""
     basis, nodes, tables, s = m.basis, m.rule.nodes, m.tables, m.rule.nodes.shape[0]
     to_nodes, to_end, moments = tables.to_nodes[slot], tables.to_end[slot], tables.moments[slot]
     pairs, turned, n_rates = basis.pairs, np.empty(s, dtype=np.complex128), basis.rates.shape[0]
@@ -130,11 +134,11 @@ def turning_decay(z):
 
 @inner(allocates=True)
 def set_kernel_matrix(h, nodes, basis, weights, mass, out):
-    """Set out[i, j], the weight of the value at node j in the convolution at node i, over one step.
+    """Set `out` (s, s) to the matrix of a kernel's convolution over one step of length h.
 
-    The kernel is a sum of exponentials with these weights, and a point mass at distance 0.
+    out[i, j] is the weight of the value at node j in the convolution at node i. The kernel is the
+    sum of the exponentials of `basis` with `weights` (M,), and a point mass `mass` at time lag 0.
     """
-    # weights (M,), out (s, s)
     rates, pairs, s = basis.rates, basis.pairs, nodes.shape[0]
     real, turned, total = np.empty(s), np.empty(s, dtype=np.complex128), np.empty(s)
     clear_matrix(out)
@@ -159,8 +163,8 @@ def set_kernel_matrix(h, nodes, basis, weights, mass, out):
 
 @inner
 def read_modes(modes, to_nodes, out):
-    """Set out[c, i] = ``sum_m modes[c, m] to_nodes[m, i]``, the history at the nodes."""
-    # modes (R, M), to_nodes (M, s), out (R, s)
+    """Set out[c, i] = ``sum_m modes[c, m] to_nodes[m, i]``, the history of row c at node i."""
+    # modes (R, M); to_nodes (M, s): decay of the modes to the nodes; out (R, s)
     clear_matrix(out)
     for c in range(out.shape[0]):
         add_rows(out[c], modes[c], to_nodes)
@@ -168,8 +172,11 @@ def read_modes(modes, to_nodes, out):
 
 @plug_in
 def read_varying(m, slot, column):
-    """Add the history of terms with varying orders: unweighted modes times weights at the nodes."""
-    # modes (R, M), to_nodes (M, s), out (R, s)
+    """Add the history of terms with varying orders to `m.room.base` of one column.
+
+    Their modes have no weights; the weights for the order at each node are in `m.varying`.
+    """
+    # modes (R, M); to_nodes (M, s): decay of the modes to the nodes; out (R, s)
     modes, to_nodes, out = m.orbit.modes[column], m.tables.to_nodes[slot], m.room.base[column]
     terms, weights, unweighted = m.equations.terms, m.varying.weights, m.equations.unweighted
     d, first = m.equations.second.shape[0], 1 - weights.shape[0]
@@ -201,7 +208,8 @@ def advance_modes(m, h, slot, column):
     Row c absorbs integrands of component c modulo d. `column` is the number of the orbit or
     tangent.
     """
-    # to_end (M,), moments (s, M), values (n_q, d, s), modes (R, M)
+    # to_end (M,): decay; moments (s, M): integrals of Legendre polynomials; values (n_q, d, s):
+    # integrands at the nodes; modes (R, M)
     values, modes = m.orbit.last[column], m.orbit.modes[column]
     to_end, moments, legendre = m.tables.to_end[slot], m.tables.moments[slot], m.rule.legendre
     kinds, weights, offsets, used = m.equations.kinds, m.weights, m.weights.offsets, m.weights.used
@@ -237,7 +245,7 @@ def set_mode_weights(equations, weights, of_varying, found):
     Modes of varying orders have weight 1. Their rows come after the others: one for each integrand
     and component.
     """
-    # weights (n_a + n_k, M), of_varying (M,)
+    # weights (n_a + n_k, M); of_varying (M,): 1 for the modes of varying orders
     input_weights, offset_weights, used = found.integrands, found.offsets, found.used
     terms, offsets, unweighted = equations.terms, equations.offsets, equations.unweighted
     for row in range(input_weights.shape[0]):
@@ -293,10 +301,10 @@ def exponential_legendre(z, n, out):
 
 @inner
 def turning_legendre(z, n, out):
-    """Set out[k] as `exponential_legendre` for complex z, n > 1.
+    """Set out[k] to the integrals of `exponential_legendre`, k < n, for complex z and n > 1.
 
-    By upward recurrence, or by downward recurrence and ``sum_k (2 k + 1) out[k] = 1``, the series
-    for u = 1.
+    For n small against z / 2 they follow by upward recurrence. Otherwise they follow by downward
+    recurrence up to a factor, which ``sum_k (2 k + 1) out[k] = 1`` determines.
     """
     x = 0.5 * z
     if abs(x) > 2.0 * n:
@@ -345,7 +353,7 @@ class KeptTables:
         return key, empty_tables(basis.weights.shape[1], s, basis.masses.size)
 
     def give_back(self, taken):
-        """Keep what `take` returned for a later march."""
+        """Put the key and the table that `take` returned into the cache, for later marches."""
         with self._lock:
             self._kept.append(taken)
             del self._kept[:-_MOST]

@@ -1,4 +1,8 @@
-"""Pieces of dense output: the solution on collocation steps."""
+"""Pieces of dense output: the solution on collocation steps.
+
+Letters of shapes: d components, s or n nodes of a step, k times. The primary unknown p is y, or y'
+for orders above 1; `second` (d,) is true for these components.
+"""
 
 from dataclasses import dataclass
 from functools import lru_cache
@@ -10,7 +14,7 @@ from ..stepping.dense import Piece, last_start
 from .first_rule import Variable, means_at_nodes
 from .quadrature import legendre_values, through_start, to_legendre
 
-# Least time at which slopes are evaluated.
+# Smallest time at which slopes of the first step are evaluated, as fraction of the step.
 _NEXT_TO_0 = 1e-200
 # Slopes at 0 are extrapolated from slopes at these times, as fractions of the step.
 _TOWARDS_0 = (1e-4, 1e-2)
@@ -23,16 +27,19 @@ _ROUNDED = 1e-10
 
 @dataclass(frozen=True, eq=False)
 class FirstPiece(Piece):
-    """Dense output on the step of a singular start.
+    """Dense output on the first step after a singular start.
+
+    p is a polynomial of degree n in the variable u of `variable`, a power of time.
 
     Attributes
     ----------
     variable : Variable
     start, length : float
+        Start and length of the step [time].
     row : ndarray, shape (d, n)
-        p at the nodes.
+        p at the n nodes.
     y, p : ndarray, shape (d,)
-        Values at the start.
+        y and p at the start of the step.
     """
 
     variable: Variable
@@ -43,7 +50,7 @@ class FirstPiece(Piece):
     p: np.ndarray
 
     def edges(self):
-        """Return the start of the step, (1,)."""
+        """Return the start time of the step, (1,)."""
         return np.array([self.start])
 
     def evaluate(self, t, second, derivative):
@@ -78,7 +85,10 @@ class FirstPiece(Piece):
         return np.where(moved, limit, self.p)
 
     def at_ends(self, ends, chosen, second, slopes=True):
-        """Return y and y' at the end of the step, if it is chosen."""
+        """Return y and y' at the end of the step, (1, d) each, or (0, d) if it is not `chosen`.
+
+        Without `slopes`, y' is NaN if it is not p.
+        """
         p, n = self.row[:, -1], self.variable.n
         y, steep = p, np.full(p.size, np.nan)
         if np.any(second):
@@ -108,15 +118,16 @@ class FirstPiece(Piece):
 
 @dataclass(frozen=True, eq=False)
 class PolynomialPieces(Piece):
-    """Dense output on n consecutive ordinary steps.
+    """Dense output on n consecutive ordinary steps with s nodes.
 
     Attributes
     ----------
     starts, lengths : ndarray, shape (n,)
+        Start and length of each step [time].
     rows : ndarray, shape (n, d, s)
-        p at the nodes.
+        p at the nodes of each step.
     at_starts : ndarray, shape (n, 2, d)
-        y and then p at the starts.
+        y and then p at the start of each step.
     """
 
     starts: np.ndarray
@@ -125,7 +136,7 @@ class PolynomialPieces(Piece):
     at_starts: np.ndarray
 
     def edges(self):
-        """Return the start of each step, (n,)."""
+        """Return the start time of each step, (n,)."""
         return self.starts
 
     def evaluate(self, t, second, derivative):
@@ -162,7 +173,8 @@ class PolynomialPieces(Piece):
     def _weighted(self, i, coefficients):
         """Return sums of Legendre coefficients of p in the steps i, (k, d), by weights (k, s + 1).
 
-        The polynomials are those through p at the start and at the nodes.
+        `coefficients` (k, s + 1) are their factors. p is the polynomial through its values at the
+        start and at the nodes.
         """
         weights = coefficients @ through_start(self.rows.shape[2])
         found = np.einsum("kdj,kj->kd", self.rows[i], weights[:, 1:])
@@ -190,7 +202,10 @@ class PolynomialPieces(Piece):
 
 
 def _legendre(x, s):
-    """Return P_0 .. P_s at one point, (1, s + 1), in a tenth of the time that arrays take."""
+    """Return the Legendre polynomials P_0 .. P_s at one point x, (1, s + 1).
+
+    For one point this takes a tenth of the time of `legendre_values`.
+    """
     values = [1.0, x]
     for i in range(2, s + 1):
         values.append((values[-1] * x * (2 * i - 1) - values[-2] * (i - 1)) / i)
@@ -199,7 +214,7 @@ def _legendre(x, s):
 
 @lru_cache(maxsize=16)
 def _at_start(n):
-    """Return the polynomials of n nodes at the start, (n,)."""
+    """Return the Lagrange polynomials of the n nodes at the start of a step, (n,)."""
     return (-1.0) ** np.arange(n) @ to_legendre(n)
 
 
@@ -215,11 +230,17 @@ def _end_weights(s):
 
 @lru_cache(maxsize=16)
 def _derivatives(s):
-    """Return the derivatives of P_0 .. P_s, shifted, in terms of P_0 .. P_(s-1), (s, s + 1)."""
+    """Return the derivatives of the shifted Legendre polynomials P_0 .. P_s, (s, s + 1).
+
+    Column k has the coefficients of the derivative of P_k in terms of P_0 .. P_(s-1).
+    """
     return 2 * legder(np.eye(s + 1))
 
 
 @lru_cache(maxsize=16)
 def _integrals(s):
-    """Return the integrals from 0 of P_0 .. P_(s-1) in terms of P_0 .. P_s, (s + 1, s)."""
+    """Return the integrals from 0 of the shifted Legendre polynomials P_0 .. P_(s-1), (s + 1, s).
+
+    Column k has the coefficients of the integral of P_k in terms of P_0 .. P_s.
+    """
     return legint(np.eye(s), lbnd=-1) / 2

@@ -174,7 +174,7 @@ def dense_stages(task, values, stage):
     operations.
     """
     # dense (2 + 2 K, n, n): H, Q, then the real and the imaginary part of each system's factors,
-    # with the multipliers on the subdiagonal; factors (K, 1, n): 1 where rows were exchanged
+    # with the multipliers on the subdiagonal. factors (K, 1, n): 1 where rows were exchanged.
     n = stage.order.shape[0]
     if task == FACTORISE:
         if not diagonalise_stages(stage) or (stage.control[REDUCED] == 0.0 and not reduce(stage)):
@@ -431,8 +431,8 @@ def set_pencil(own, integral, is_speed, out):
     M and both G are those of the kind of c. One G is for components e whose unknown is y, the other
     for y'.
     """
-    # own (3, s, s): matrices of f, p and y of the kind; integral (s, s): to each node; out
-    # (3, s, s), indexed by OF_VALUES, OF_SPEEDS and REST
+    # own (3, s, s): matrices of f, p and y of the kind. integral (s, s): integrals to each node.
+    # out (3, s, s): indexed by OF_VALUES, OF_SPEEDS and REST.
     force, place, s = own[FORCE], own[POSITION], integral.shape[0]
     for i in range(s):
         for j in range(s):

@@ -405,8 +405,8 @@ class StepRoom(NamedTuple):
 # - HELD: number of steps for which a longer step was postponed.
 # - REDUCED: 1 if the dense Jacobian is in Hessenberg form already.
 LENGTH, KEPT, SYSTEMS, HELD, REDUCED, N_CONTROL = range(6)
-# Indices of the matrices G and M (collocation/stages.py) for one kind of components: G that acts on
-# components with p = y, G that acts on those with p = y', and M.
+# Indices of the matrices G and M (collocation/stages.py) for one kind of components. The two G act
+# on components with p = y and on those with p = y'; REST is M.
 OF_VALUES, OF_SPEEDS, REST = range(3)
 STAGES = Reference(compiled_type(Stages))
 # Arguments: task, nodal values (d, s), which the solution replaces, and `Stages`. Returns 0 on
