@@ -1,1 +1,1 @@
-"""Terms, equations, and the systems that marches solve."""
+"""Terms and equations that a user states, and the systems that steppers solve."""

@@ -1,4 +1,4 @@
-"""Right-hand sides ``B x + A f(t + t_0, S x)``, linear transformations of a right-hand side f.
+"""Right-hand sides ``B x + A f(t + t_0, S x)``, affine transformations of a right-hand side f.
 
 Their Jacobians are ``B + A J S``, with the Jacobian J of f. The parameters of f are followed by the
 matrices S, B and A. After these come t_0, the number of values of f, and the place of each matrix.
@@ -38,11 +38,12 @@ def affine(
     functions : (ndarray, callable, callable or None)
         Parameters, right-hand side and Jacobian of f.
     n, n_f : int
-        Number of components x, and of values that f reads, and returns.
+        Number of components x. Number of values that f reads, which is that of its results too.
     b, a, s : array_like, shape (k, 3), optional
-        Row, column and value of entries, which add up where one place has several. By default f
-        reads the first components, and its values are those of the last ones.
+        Matrices B, A and S as k entries (row, column, value); values of equal row and column add
+        up. B is 0 by default. By default f reads the first components, and gives the last values.
     t_0 : float, optional
+        Shift of the time.
     """
     params, rhs, jac = functions
     own, ones = np.arange(n_f), np.ones(n_f)
@@ -79,7 +80,7 @@ def later(t: float, params: np.ndarray) -> float:
 
 @lru_cache(maxsize=64)
 def _side(rhs: Any, in_place: bool) -> Any:
-    """Return ``B x + A f(t + t_0, S x)``."""
+    """Return the compiled function ``B x + A f(t + t_0, S x)``, where f is `rhs`."""
 
     def last(t: float, x: np.ndarray, out: np.ndarray, params: np.ndarray) -> None:
         n_f = int(params[-4])
@@ -98,7 +99,7 @@ def _side(rhs: Any, in_place: bool) -> Any:
 
 @lru_cache(maxsize=64)
 def slopes(jac: Any) -> Any:
-    """Return ``B + A J S``, where the parameters are those of `affine`."""
+    """Return the compiled Jacobian ``B + A J S``, where J is `jac` and parameters are as in `affine`."""
 
     def all_slopes(t: float, x: np.ndarray, out: np.ndarray, params: np.ndarray) -> None:
         z = _arguments(x, params)
@@ -109,12 +110,12 @@ def slopes(jac: Any) -> Any:
     return as_value(derived(all_slopes), JAC_SIG)
 
 
-# The following functions are the same for every f: their machine code is kept on disk.
+# The following functions do not depend on f, so their machine code is stored on disk.
 
 
 @compiled
 def _arguments(x: np.ndarray, params: np.ndarray) -> np.ndarray:
-    """Return S x."""
+    """Return S x, the components that f reads."""
     n_f, s, b = int(params[-4]), int(params[-3]), int(params[-2])
     if s == b:
         return x[:n_f]
@@ -125,7 +126,7 @@ def _arguments(x: np.ndarray, params: np.ndarray) -> np.ndarray:
 
 @compiled
 def _combine(x: np.ndarray, force: np.ndarray, out: np.ndarray, params: np.ndarray) -> None:
-    """Set out = B x + A f."""
+    """Set out = B x + A f, where f is the vector `force`."""
     b, a = int(params[-2]), int(params[-1])
     in_place = a == params.shape[0] - _SIZES
     for i in range(out.shape[0] - force.shape[0] if in_place else out.shape[0]):
@@ -137,7 +138,7 @@ def _combine(x: np.ndarray, force: np.ndarray, out: np.ndarray, params: np.ndarr
 
 @compiled
 def _combine_slopes(block: np.ndarray, out: np.ndarray, params: np.ndarray) -> None:
-    """Set out = B + A J S."""
+    """Set out = B + A J S, where J is the matrix `block`."""
     n, n_f = out.shape[0], block.shape[0]
     s, b, a = int(params[-3]), int(params[-2]), int(params[-1])
     in_place, read, own, before = s == b, params[s:], params[b:], params[a:]
@@ -158,7 +159,7 @@ def _combine_slopes(block: np.ndarray, out: np.ndarray, params: np.ndarray) -> N
 
 @inner
 def _add_product(matrix: np.ndarray, x: np.ndarray, out: np.ndarray) -> None:
-    """Add the product of a matrix with x."""
+    """Add the product of a matrix, stored as offsets and pairs, with x to `out`."""
     for i in range(out.shape[0]):
         total = 0.0
         for p in range(int(matrix[i]), int(matrix[i + 1]), 2):

@@ -1,16 +1,17 @@
-"""Equations of orders above 2, or with matrices as coefficients, as systems without either.
+"""Rewrite equations with orders above 2, or with matrices as coefficients, as systems without either.
 
-``sum_l C_l D^(gamma_l) y = f(t, y)`` with matrices C_l is solved for the highest derivative of each
-component. Column j of a matrix A is that of the C_l in front of the highest derivative of y_j. The
-other columns remain in C_l, and ``D^alpha y + sum_l A^-1 C_l D^(gamma_l) y = A^-1 f``. Equation j
-has terms of y_j on the left side. Terms of other components are memory that the right-hand side
-reads.
+Matrices. ``sum_l C_l D^(gamma_l) y = f(t, y)`` with matrices C_l is solved for the highest
+derivative of each component. Let A be the matrix whose column j is the column j of that C_l which
+multiplies the highest derivative of y_j. Without these columns in C_l the equation becomes
+``D^alpha y + sum_l A^-1 C_l D^(gamma_l) y = A^-1 f``. In row j terms of y_j stay on the left side.
+Terms of other components become memory that the right-hand side reads.
 
-Let the highest order alpha be in (n - 1, n] with n > 2. The components are y_0 = y and derivatives
-up to y_(n-1), with ``y_k' = y_(k+1)`` for k < n - 1. The last one has an equation of order
-``alpha - n + 1``. A term of order gamma is y_k if gamma = k < n. Otherwise it is the derivative of
-order ``gamma - k`` of y_k, where k is the largest integer below gamma. Derivatives of the last
-component are on the left side; other ones are memory that the right-hand side reads.
+Orders above 2. Let the highest order alpha be in (n - 1, n] with n > 2. The components are y_0 = y
+and derivatives up to y_(n-1), with ``y_k' = y_(k+1)`` for k < n - 1. The equation of y_(n-1) has
+the order ``alpha - n + 1``. A term of order gamma is y_k if gamma = k < n. Otherwise it is the
+derivative of order ``gamma - k`` of y_k, where k is the largest integer below gamma. Derivatives of
+y_(n-1) stay on the left side. Derivatives of other components become memory that the right-hand
+side reads.
 """
 
 from __future__ import annotations
@@ -26,12 +27,13 @@ from .orders import merged_orders
 from .system import System, leading_orders
 from .terms import ConstantOrder, KernelOperator, Operator, SystemTerm
 
-# Largest condition number of the matrix in front of the highest derivatives that is not refused.
+# Largest condition number of the matrix in front of the highest derivatives; larger ones are
+# refused.
 _SINGULAR = 1e12
 
 
 class Entry(NamedTuple):
-    """Term of one equation, `row`: a coefficient times an operator on y_column."""
+    """One term of the equation in `row`: a coefficient times an operator on y_column."""
 
     operator: Operator
     row: int
@@ -40,7 +42,7 @@ class Entry(NamedTuple):
 
 
 def _summed(left: Iterable[SystemTerm]) -> list[SystemTerm]:
-    """Add up the terms of equal operators."""
+    """Return the terms with the coefficients of equal operators added up, without zero terms."""
     sums: dict[Any, SystemTerm] = {}
     for operator, c in left:
         known = sums.get(operator)
@@ -49,7 +51,10 @@ def _summed(left: Iterable[SystemTerm]) -> list[SystemTerm]:
 
 
 def _solved(left: Sequence[SystemTerm], d: int) -> tuple[list[Entry], np.ndarray | None]:
-    """Return the terms solved for the highest derivatives, and the matrix in front of f or None."""
+    """Return the terms of d equations solved for the highest derivatives, and a matrix or None.
+
+    The matrix is A^-1 of the module's docstring, which multiplies f.
+    """
     where = "beside orders above 2 and coefficients that are matrices"
     for operator, _ in left:
         if operator.varies or operator.from_zero:
@@ -84,12 +89,12 @@ def _solved(left: Sequence[SystemTerm], d: int) -> tuple[list[Entry], np.ndarray
 
 
 def _highest_of_caputo(left: Iterable[SystemTerm], d: int) -> np.ndarray:
-    """Return the highest order of Caputo's operators of each of d components, 0 for none."""
+    """Return for each of d components the highest order of its Caputo operators; 0 for none."""
     return leading_orders([term for term in left if term.operator.constant], d)
 
 
 class Chained(NamedTuple):
-    """System of an equation with orders above 2 or matrices, and where y' is.
+    """System of an equation with orders above 2 or matrices, and which components are y'.
 
     `speeds` (d,) has the number of the component that is y', and -1 for none. Its shape is (0,) if
     no derivative is a component.
@@ -107,10 +112,12 @@ def chained(
     Parameters
     ----------
     left : list of SystemTerm
-        Coefficients are of shape (d,), or all (d, d), a row for each equation.
+        Terms of the left side. All coefficients have shape (d,), or all (d, d) with a row for each
+        equation.
     y0 : ndarray, shape (m, d)
+        Initial values, m = ceil(highest order).
     params, rhs, jac
-        Those of a `System`.
+        Parameters, compiled right-hand side, and compiled Jacobian or None.
     """
     d, above = y0.shape[1], len(y0) > 2
     if not above and np.any([c.any(axis=1) for _, c in left], axis=0).sum() < d:
@@ -195,7 +202,7 @@ def _of_derivative(operator: Any, k: int) -> Any:
 
 
 def left_of(found: Sequence[tuple[Any, int, float]], width: int) -> list[SystemTerm]:
-    """List the terms of a system, given as (operator, component, coefficient)."""
+    """List the terms of a system of `width` components from (operator, component, coefficient)."""
     sums: dict[Any, np.ndarray] = {}
     constant = [operator.order for operator, _, _ in found if operator.constant]
     orders = iter(merged_orders(np.array(constant)).tolist())

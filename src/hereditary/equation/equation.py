@@ -1,4 +1,4 @@
-"""The equation: a sum of memory terms equals a right-hand side."""
+"""The class `Equation`: a sum of terms with memory equals a right-hand side."""
 
 from __future__ import annotations
 
@@ -50,19 +50,19 @@ class Equation:
     ----------
     terms : Caputo, Memory, Term, a sum or a sequence of them
         Operators with their coefficients, ``[Caputo(1.8), 0.25 * Caputo(0.8)]`` or ``Caputo(1.8) +
-        0.25 * Caputo(0.8)``. Orders and coefficients are one for all components or of shape (d,). A
-        coefficient of shape (d, d) has a row for each equation and a column for each component. A
-        sequence is a sum: two components of orders 0.9 and 0.8 are ``Caputo([0.9, 0.8])``. With
-        `rtol=` a component whose coefficients are all 0 has the algebraic row 0 = rhs, and y0 has
-        to satisfy it.
+        0.25 * Caputo(0.8)``. An order or a coefficient is one number for all components, or has
+        shape (d,). A coefficient of shape (d, d) has a row for each equation and a column for each
+        component. A sequence is a sum: two components of orders 0.9 and 0.8 are ``Caputo([0.9,
+        0.8])``. With `rtol=` in `solve`, all coefficients of a component may be 0. Its equation is
+        then algebraic, 0 = rhs, and y0 has to satisfy it.
     rhs : callable, or None with `linear`
         ``rhs(t, y)`` or ``rhs(t, y, params)`` returning shape (d,) (or a number when d = 1), or in
         place ``rhs(t, y, dy, params)``. The number of arguments decides. t is a float, y has shape
-        (d,). It is compiled with its helpers, and again before a run if a global or a closed-over
-        value has changed. A function that numba cannot compile (methods, callable objects, SciPy's
-        functions, try) is called in Python, with a `PythonFunctionWarning` and 3 us more a call. It
-        must return equal values for equal t and y, and not write into y or params. An exception or
-        an index out of bounds ends the run.
+        (d,). numba compiles `rhs` with the functions that it calls, and again before a run if a
+        global or a closed-over value has changed. A function that numba cannot compile (methods,
+        callable objects, SciPy's functions, try) is called in Python, with a
+        `PythonFunctionWarning` and 3 us more a call. `rhs` must return equal values for equal t and
+        y, and not write into y or params. An exception or an index out of bounds ends the run.
     y0 : array_like, shape (m, d)
         Initial values y(0), y'(0), ..., with m = ceil(highest order). Shorthands: shape (m,) if
         d = 1, shape (d,) if m = 1, a number if both are 1. A component of order at most 1 has 0 in
@@ -72,13 +72,14 @@ class Equation:
         Argument of `rhs` and `jac`, as an array of shape (p,).
     jac : callable, optional
         The Jacobian d rhs / d y, ``jac(t, y)`` or ``jac(t, y, params)`` returning shape (d, d), or
-        in place ``jac(t, y, jacobian, params)``. It is compared with differences near y(0). Without
-        it differences are used.
+        in place ``jac(t, y, jacobian, params)``. It is compared with differences near y(0). If
+        `jac` is left out, the Jacobian comes from differences.
     memory : Caputo, Memory, Term, Delay, a sum or a sequence of them, optional
-        Terms that `rhs` reads, such as friction that depends on the state, and delays; they are not
-        on the left side. Their values, shape (k, d), are the third argument: ``rhs(t, y, memory)``,
-        ``rhs(t, y, memory, params)`` or in place ``rhs(t, y, memory, dy, params)``. `jac` has the
-        same third argument. Orders must be below the highest order of their component.
+        Terms and delays that `rhs` reads, for example for friction that depends on the state. They
+        are not on the left side. Their values, shape (k, d), are the third argument: ``rhs(t, y,
+        memory)``, ``rhs(t, y, memory, params)`` or in place ``rhs(t, y, memory, dy, params)``.
+        `jac` has the same third argument. Orders must be below the highest order of their
+        component.
     jac_memory : callable, optional
         The derivatives of `rhs` by ``memory.ravel()``, shape (d, k d), with the arguments of `jac`.
         If `rhs` reads memory, give both or none.
@@ -97,8 +98,8 @@ class Equation:
         groups of columns; LAPACK factorises bands, and SuperLU other patterns. A pattern that lacks
         entries near y0 is refused.
     d : int, optional
-        Number of components in a row of y0. Then y0 may have more rows than the orders need, and
-        the rest is ignored. So an order may cross 1 in a sweep or a fit.
+        Number of components in a row of y0. If it is given, y0 may have more rows than the orders
+        need; further rows are ignored. So an order may cross 1 in a sweep or a fit.
 
     Attributes
     ----------
@@ -106,15 +107,17 @@ class Equation:
         Number of real components; a complex one counts as two.
     m : int
         Number of initial conditions of the system that is solved: ceil(highest order) up to order
-        2. Above order 2 it is 1, and the derivatives are further components after y.
+        2. Above order 2 it is 1, because derivatives of y are further components of that system.
     orders, coefficients : ndarray, shape (n_terms, d)
         Order and coefficient of each Caputo term of constant order, for each component. If one
         coefficient is a matrix, coefficients have the shape (n_terms, d, d).
     y0 : ndarray, shape (m, d)
-        Complex values as real and imaginary parts, next to each other.
+        Initial values of the system that is solved. The real and the imaginary part of a complex
+        value are two components, next to each other.
     params : ndarray, shape (p,)
+        The p parameters of `rhs` and `jac`.
     system : System
-        What schemes and steppers solve; times of a system count from t_start.
+        The form of the equation that schemes and steppers solve; its times count from t_start.
     terms, rhs, jac, memory, jac_memory, linear, bandwidth, jac_sparsity
         The arguments. No attribute and no array can be changed: `replace` makes another equation.
 
@@ -256,7 +259,11 @@ class Equation:
         paired: bool,
         known: dict[str, Any],
     ) -> System:
-        """Return the system of these terms, which has neither matrices nor orders above 2."""
+        """Return the system to solve, without matrices as coefficients and without orders above 2.
+
+        An equation with either is first rewritten by `chained`. `known` are further fields of the
+        system.
+        """
         if self._given_d is not None:
             needed = leading_orders(left, initial.shape[1]) > np.arange(len(initial))[:, None]
             initial = np.where(needed, initial, 0.0)
@@ -298,9 +305,8 @@ class Equation:
         Parameters
         ----------
         **changes
-            Any argument of `Equation`.
-            The same rhs is not compiled again. A jac belongs to its rhs: with another rhs give
-            another jac, or None for differences.
+            Any arguments of `Equation`. An unchanged rhs is not compiled again. A new rhs needs a
+            new jac if the equation has one, or None for differences.
 
         Examples
         --------
@@ -325,7 +331,7 @@ class Equation:
         return Equation(**(self._arguments() | changes))
 
     def _with_params(self, params: np.ndarray) -> Equation | None:
-        """Return the equation with other parameters, or None if it must be made anew.
+        """Return the equation with other parameters, or None if the functions must be checked again.
 
         The functions are the same and have been checked, so the right-hand side is called only
         once.
@@ -337,7 +343,7 @@ class Equation:
         system = displaced(system, system.y0, params)
         try:
             out = system.force(0.0, system.y0[0])
-        except Exception:  # checks of a new equation say what is wrong
+        except Exception:  # the checks of a new equation report it
             return None
         if not np.isfinite(out).all():
             return None
@@ -351,10 +357,10 @@ class Equation:
         return {name: getattr(self, name) for name in _GIVEN} | own
 
     def jacobian(self, t: float, y: ArrayLike) -> Any:
-        """Return d rhs / d y at time t, shape (d, d): the given one, or differences.
+        """Return d rhs / d y at (t, y), shape (d, d), by `jac` or by differences, with `linear`.
 
-        y (d,) are real components, as `d` counts them. `linear` is included. The result is SciPy's
-        CSR array where entries are stated.
+        y (d,) has real components. With `bandwidth`, `jac_sparsity` or `linear` the result may be a
+        sparse CSR array of SciPy.
         """
         if self.system.read.any() or self.system.delays:
             required = "read no memory where its Jacobian by y alone is asked for"
@@ -365,31 +371,32 @@ class Equation:
             raise original(error) from None
 
     def current(self) -> Equation:
-        """Return this equation with the globals and closed-over values its functions now read.
+        """Return an equation whose functions are compiled with the present globals and closed-over values.
 
-        If no value has changed since it was made, this is the equation itself.
+        It is this equation itself if no value has changed since it was made.
         """
         return self if self._present_values() == self._frozen else self.replace()
 
     def _digest_of_rhs(self) -> str:
-        """Return the digest of the right-hand side, from its frozen values if they determine it."""
+        """Return the digest of the right-hand side, from its frozen values if it is compiled."""
         if self._in_python or self._constants or self.rhs is None:
             return digest(self.rhs, *self._constants)
         return digest_of_compiled(self._frozen[0], self.rhs)
 
     def _present_values(self) -> Any:
-        """Return the values that the functions now read, for comparison."""
+        """Return the values that the functions read now, to notice changes."""
         functions = self.rhs, self.jac, self.jac_memory
-        if self._in_python:  # whose objects may contain anything
+        if self._in_python:  # its objects may contain anything
             return digest(*functions)
         return tuple(present_values(fun) for fun in functions)
 
 
 def _made(arguments: dict[str, Any]) -> Equation:
-    """Return the equation of these arguments, for unpickling."""
+    """Return the equation with these arguments: the function that unpickles it."""
     return Equation(**arguments)
 
 
+# Names of the arguments of an equation.
 _GIVEN = (
     "terms", "rhs", "y0", "params", "jac", "memory", "jac_memory", "t_start", "d", "linear",
     "bandwidth", "jac_sparsity",
@@ -408,7 +415,8 @@ def _numbers(params: ArrayLike) -> np.ndarray:
 def _check_leading(left: Iterable[SystemTerm], y0: np.ndarray, reads: bool) -> None:
     """Refuse components with RiemannLiouville terms alone, and initial values that are not used.
 
-    `reads` says whether the right-hand side reads memory, whose orders count in algebraic rows.
+    A component must have another term besides RiemannLiouville terms, or no term at all. If the
+    right-hand side reads memory (`reads`), an algebraic row may have initial values of all orders.
     """
     d = y0.shape[1]
     highest = leading_orders([term for term in left if not term.operator.from_zero], d)
@@ -429,5 +437,5 @@ def _check_leading(left: Iterable[SystemTerm], y0: np.ndarray, reads: bool) -> N
 
 
 def current_equation(equation: Any) -> Equation:
-    """Return an equation with the values that its functions now read; refuse anything else."""
+    """Return `equation.current()`; refuse an argument that is not an `Equation`."""
     return instance("equation", equation, Equation, "hereditary.Equation(terms, rhs, y0)").current()

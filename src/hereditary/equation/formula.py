@@ -1,4 +1,4 @@
-"""An equation as a formula in HTML, for notebooks."""
+"""The formula of an equation in HTML, for notebooks."""
 
 from __future__ import annotations
 
@@ -11,7 +11,8 @@ from numpy.typing import ArrayLike
 from .delay import Delay
 from .operators import Term
 
-# Longest description of a kernel, in letters: a longer one is replaced by the name of its class.
+# Largest number of characters of a kernel's description; the name of its class replaces a longer
+# one.
 _LONGEST = 60
 
 
@@ -65,7 +66,7 @@ def _number(coefficient: np.ndarray) -> str:
 
 
 def _plain(values: ArrayLike) -> str:
-    """Return one number where all are equal, otherwise up to four of them."""
+    """Return values as text: one number if all are equal, otherwise the first four."""
     values = np.unique(values) if np.ptp(values) == 0 else np.ravel(values)
     shown = [f"{value:g}" for value in values[:4]] + ["..."] * (values.size > 4)
     return shown[0] if len(shown) == 1 else f"({', '.join(shown)})"

@@ -18,12 +18,12 @@ class Frame(NamedTuple):
     Attributes
     ----------
     start : float
-        Time of the user at which runs begin.
+        Time of the user that is time 0 inside.
     paired : bool
-        Whether components are complex.
+        Whether components of the user are complex.
     speeds : tuple of int
-        Number of the component that is the first derivative of each real component of y, -1 for
-        none; empty where derivatives are no components.
+        For each real component of y, the number of the component that is its first derivative, or
+        -1 if there is none. Empty if no derivatives are components.
     """
 
     start: float = 0.0

@@ -1,4 +1,4 @@
-"""Orders of derivatives near integers and near each other."""
+"""Checks of the orders of derivatives, and the rounding of orders that are nearly equal."""
 
 from __future__ import annotations
 
@@ -10,21 +10,22 @@ from numpy.typing import ArrayLike
 
 from ..support.checks import real_array, refuse
 
-# Distance up to which orders count as equal, or as an integer: sums and quotients are rounded.
+# Distance up to which two orders count as equal, or an order as an integer, because sums and
+# quotients are rounded.
 ROUNDING = 1e-14
-# Highest order of an equation.
+# Highest order that a term of an equation may have.
 HIGHEST = 20
 
 
 def rounded_order(orders: ArrayLike) -> np.ndarray:
-    """Return orders with those within rounding of an integer set to it."""
+    """Return orders, each rounded to an integer above 0 if it differs by at most `ROUNDING`."""
     orders = np.asarray(orders, dtype=float)
     nearest = np.round(orders)
     return np.where((np.abs(orders - nearest) <= ROUNDING) & (nearest > 0), nearest, orders)
 
 
 def orders_up_to_2(orders: ArrayLike) -> np.ndarray:
-    """Return rounded orders in (0, 2]; refuse others."""
+    """Return orders after `rounded_order`; refuse any outside of (0, 2]."""
     found = rounded_order(real_array("order", orders, "lie in (0, 2]", "give numbers"))
     if found.ndim > 1 or found.size == 0:
         refuse("order", "be numbers in a row", f"shape {found.shape}")
@@ -34,7 +35,7 @@ def orders_up_to_2(orders: ArrayLike) -> np.ndarray:
 
 
 def merged_orders(orders: np.ndarray) -> np.ndarray:
-    """Return orders of one equation with those within rounding of a smaller one set to it."""
+    """Return the orders of an equation, with one value for orders that differ by rounding."""
     values = np.array(sorted(set(orders.ravel().tolist())))
     apart = np.append(True, values[1:] - values[:-1] > ROUNDING)
     if apart.all():

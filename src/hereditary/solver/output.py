@@ -38,14 +38,14 @@ class Output:
     ----------
     stepper : Stepper
     stop : int or float
-        Position at which the run is to end.
+        Stepper's position at which the run is to end.
     kept : Kept
     events : Events
 
     Attributes
     ----------
     end : float
-        Time up to which the run counts.
+        Time up to which the output reaches.
     ended : bool
         Whether an event has ended the run at that time.
     """
@@ -79,7 +79,7 @@ class Output:
             self._wanted = self._wanted[1:]
 
     def _add(self, t: np.ndarray, y: np.ndarray, ydot: np.ndarray) -> None:
-        """Append rows (k,), (k, d), (k, d)."""
+        """Append k rows: times (k,), y (k, d) and y' (k, d)."""
         end = self._size + t.size
         if end > self._rows[0].size:
             self._rows = tuple(
@@ -114,7 +114,7 @@ class Output:
         """Continue at the present time of the march, where y may have `changed`."""
         t, y = self._stepper.t, self._stepper.y
         self.ended = False
-        if self._asked is not None:  # rows asked for at the very time are those after it
+        if self._asked is not None:  # rows at the time of the event follow it
             at_once = int(np.searchsorted(self._wanted, t * (1 + _SLACK), side="right"))
             times, self._wanted = self._wanted[:at_once], self._wanted[at_once:]
             rows = np.ones((times.size, 1))
@@ -124,12 +124,12 @@ class Output:
         self._add(np.array([t]), y[None], self._stepper.ydot[None])
 
     def _chosen(self, edges: np.ndarray) -> slice | np.ndarray:
-        """Return the kept steps between these edges, as a slice or an array of truth values."""
+        """Return which steps between `edges` are kept: a slice, or an array of truth values."""
         first = self._n + 1
         self._n += int(np.sum(edges[1:] <= self.end))
         if self._counted and not self.ended:
             return slice(-first % self._every, None, self._every)
-        # steps next to a singular start may be too short for its time to change
+        # next to a singular start steps may be so short that both ends have the same rounded time
         chosen = (edges[1:] <= self.end) & (np.diff(edges) > 0)
         return chosen & (np.arange(first, first + chosen.size) % self._every == 0)
 
@@ -137,7 +137,7 @@ class Output:
         """Collect the rows at the times of the user."""
         last = self.end if self.ended else self.end * (1 + _SLACK)
         at_end = self._stepper.position == self._stop and not self.ended
-        if self.events.interrupted:  # rows at the very time are those after it
+        if self.events.interrupted:  # rows at the event's time follow it
             last = self.end * (1 - _SLACK)
         elif at_end:
             last = np.inf  # the last step may miss the end of the run by rounding
@@ -147,7 +147,7 @@ class Output:
             self._add(times, *piece.evaluate_both(times, self._second, self._sloped))
 
     def close(self, t_end: float) -> tuple[np.ndarray, np.ndarray, np.ndarray, Dense | None]:
-        """Return times, rows, slopes and dense output: (n,), (n, d), (n, d), `Dense` or None.
+        """Return times (n,), y (n, d), y' (n, d), and the dense output or None.
 
         Times, as `t_end`, are those of the user.
         """
@@ -172,7 +172,7 @@ class Output:
         return t, y, ydot, dense
 
     def _add_last(self) -> None:
-        """Add the row where the run ended."""
+        """Add the row at the end of the run."""
         last, piece = np.array([self.end]), self._newest
         if piece is not None and (self.ended or not self._counted):
             self._add(last, *piece.evaluate_both(last, self._second, self._sloped))
@@ -181,7 +181,10 @@ class Output:
 
 
 def room_for(size: Any, d: int, every: bool) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Allocate arrays (size,), (size, d) and (size, d) for rows, or refuse them."""
+    """Return empty arrays (size,), (size, d) and (size, d) for rows, or refuse so many.
+
+    `every` says which argument the message names: save_every if True, t_eval if False.
+    """
     n_bytes = 8.0 * size * (1 + 2 * d)
     try:
         if n_bytes > machine_storage():

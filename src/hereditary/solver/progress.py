@@ -1,4 +1,4 @@
-"""Progress of a long run, and its interruption."""
+"""The progress bar of a run, and its interruption by Ctrl-C."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ class ProgressBar:
     Parameters
     ----------
     shown : bool
-        Whether a bar is wanted at all.
+        Whether to show the bar.
     stream : text stream, optional
         Stream that the line is written to; standard error by default.
     """
@@ -50,7 +50,7 @@ class ProgressBar:
         self._stream.flush()
 
     def close(self) -> None:
-        """End the line."""
+        """End the line of the bar."""
         if self._live and self._drawn >= 0:
             self._stream.write("\n")
             self._stream.flush()
@@ -68,7 +68,7 @@ def _clock(seconds: float) -> str:
 
 
 class Interruption:
-    """Count Ctrl-C, so that a run ends between two batches of steps.
+    """Context that counts Ctrl-C in `asked` instead of raising KeyboardInterrupt.
 
     The second Ctrl-C raises as usual, or the one after `counted`. So does a Ctrl-C that came too
     late to stop the run (`heeded` stays False). Outside the main thread, where no signal arrives,

@@ -21,7 +21,7 @@ from ..support.optional import optional
 from ..support.warning import warn
 
 _SAVED = "be a solution that Solution.save wrote"
-# Fields that are kept as arrays.
+# Fields of a solution that `Solution.save` writes as arrays.
 _ARRAYS = "t", "y", "ydot"
 # Statuses of runs that ended as the user asked.
 _QUIET = (Status.COMPLETED, Status.EVENT, Status.INTERRUPTED)
@@ -40,17 +40,17 @@ class Solution:
     Attributes
     ----------
     t : ndarray, shape (n+1,)
-        Times of the rows [time], twice where an event changed y: before and after.
+        Times of the rows [time]. If an event changed y, its time occurs twice, for y before and
+        after.
     y : ndarray, shape (n+1, d)
-        Solution, a row for each time; only the requested components.
+        Solution, a row for each time, with the argument `components` only these components.
     ydot : ndarray, shape (n+1, d), or None
         First derivative, if the highest order exceeds 1; NaN at t = 0 for components without an
         initial derivative.
     status : Status
-        How the run ended, such as ``"completed"``. A solution is true, as in ``if sol:``, if
-        ``sol.success`` is true.
+        How the run ended, such as ``"completed"``. ``bool(sol)`` is ``sol.success``.
     message : str
-        The sentence of the status, with the numbers of this run.
+        A sentence about how this run ended.
     stats : dict
         Counts and measurements of the run:
 
@@ -61,25 +61,26 @@ class Solution:
         - kernel_error: the largest relative error of sums of exponentials for general kernels.
         - n_rejected: with `Collocation`, the steps that were repeated with a shorter length.
         - error_estimate: with `Collocation`, ten times the largest estimated error of a step,
-          relative to the size of y, and at least rtol / 10. It also has what errors of the modes
-          and rounding add up to if nothing damps them. With uniform steps of
-          `ExplicitCaputo` and `GrunwaldLetnikov`, the largest error beyond the first 40 steps,
-          relative to the size of each component. It comes from two runs with a tenth and a
-          twentieth of the steps. This one is usually right within a factor of 3; errors of the
-          first steps can be 100 times as large with orders below 1/2. It is None with fewer than
-          400 steps, or if one of the two runs comes near its stability limit. It is also None if
-          the two differ much, as chaotic ones.
+          relative to the size of y, and at least rtol / 10. It also contains what errors of the
+          modes and rounding errors add up to if nothing damps them. With uniform steps of
+          `ExplicitCaputo` and `GrunwaldLetnikov`, it is the largest error beyond the first 40
+          steps, relative to the size of each component. Two runs with a tenth and a twentieth of
+          the steps give this estimate, which is usually right within a factor of 3. Errors of the
+          first steps can be 100 times as large with orders below 1/2. Two runs with a half and a
+          third of the steps replace those below 400 steps. They also do if one of the two comes
+          near its stability limit, or if they differ much. The estimate is None if these runs fail
+          in the same ways, as for chaotic solutions, and below 60 steps.
         - stiffness_ratio: with given steps, the largest ratio of an eigenvalue of d rhs / d y to
-          its step limit along the orbit. It is found every 32 steps (more rarely in systems). The
-          scheme is unstable above 1. Orders that vary have no ratio. If components have different
-          terms, only real eigenvalues count. Above 32 components a bound by norms replaces the
-          ratio if it is below 1.
+          its step limit along the orbit. It is computed every 32 steps (more rarely in systems).
+          The scheme is unstable if the ratio is above 1. There is no ratio if orders vary. If
+          components have different terms, only real eigenvalues count. Above 32 components a bound
+          by norms replaces the ratio if the bound is below 1.
     left : State or callable
         The value of `state`, or a function that returns it.
     dense : Dense or None
         Dense output for ``sol(t)``; None if the run did not keep every step.
     t_events, y_events : list of ndarray
-        Times (k,) and solutions (k, d) of each event function's zeros.
+        For each event function the times (k,) of its zeros, and the solution (k, d) there.
     """
 
     t: np.ndarray
@@ -92,15 +93,15 @@ class Solution:
     dense: Dense | None = field(default=None, repr=False)
     t_events: list[np.ndarray] = field(default_factory=list, repr=False)
     y_events: list[np.ndarray] = field(default_factory=list, repr=False)
-    # right-hand sides that read a solution need not compare it again before each run
+    # a right-hand side may read a solution: its contents never change, so its digest is kept
     fixed_contents: ClassVar[bool] = True
 
     @cached_property
     def state(self) -> State | None:
-        """Everything needed to go on, ``solve(eq, t_later, resume=sol.state)``.
+        """Everything that is needed to resume the run: ``solve(eq, t_later, resume=sol.state)``.
 
-        A few kilobytes with `SumOfExponentials`, the whole past with `Direct`. From ten components
-        on an implicit scheme adds 32 d**2 bytes.
+        It has a few kilobytes with `SumOfExponentials`, and the complete past with `Direct`. With
+        ten or more components an implicit scheme adds 32 d**2 bytes.
         """
         return self.left() if callable(self.left) else self.left
 
@@ -114,7 +115,7 @@ class Solution:
 
     @property
     def coarse(self) -> bool:
-        """Whether steps are so long that figures need the dense output."""
+        """Whether steps are so long that curves need the dense output between rows."""
         return self.dense is not None and self.dense.coarse
 
     def __bool__(self) -> bool:
@@ -128,7 +129,8 @@ class Solution:
         t : float or array_like, shape (k,)
             Times between the first and the last row.
         derivative : {0, 1}, optional
-            1 for the first derivative, which is infinite at 0 if the solution starts like t**alpha.
+            1 for the first derivative. It is infinite at 0 if the solution starts like t**alpha
+            with alpha below 1.
 
         Returns
         -------
@@ -261,5 +263,5 @@ class Solution:
 
 
 def _plain(value: Any) -> Any:
-    """Return a number of NumPy as one of Python."""
+    """Return a NumPy number as a Python number; other values unchanged."""
     return value.item() if isinstance(value, np.generic) else value

@@ -103,12 +103,13 @@ def solve(
     rtol : float, optional
         Tolerance of `Collocation`, which chooses its own steps: errors of a component stay about
         ``rtol * (|y| + 0.01 * size)``. The size is the largest \|y| so far of that component, at
-        least a millionth of the largest size of all. Errors of y', where the order exceeds 1,
-        move y by as much over the run. rtol is 1e-6 by default, and at least 1e-12. When resuming,
-        it is the state's.
+        least a millionth of the largest size of any component. If the order exceeds 1, errors of y'
+        stay so small that they move y by as much over the run. The default is 1e-6, and the least
+        value 1e-12. A resumed run has the state's by default.
     atol : float or array_like, shape (d,), optional
         Errors stay about ``atol + rtol * |y|`` instead; one number or one for each component. It
-        is needed for components below 1e-8 of the largest one; when resuming, it is the state's.
+        is needed for components below 1e-8 of the largest one. A resumed run has the state's by
+        default.
     mesh : Graded or array_like, shape (n+1,), optional
         ``graded(n, exponent)``, or times that increase from t_start to t_end. `L1` and `L2Sigma`
         take meshes with any order, `L2` with orders up to 1; histories are `Direct` and
@@ -120,18 +121,19 @@ def solve(
     history : History, optional
         Default ``SumOfExponentials(tol=1e-10)``; a resumed run keeps the state's.
     save_every : int, optional
-        Keep the first row, the last one, and every `save_every`-th one.
+        Keep the first row, the last one, and the row of every `save_every`-th step.
     t_eval : array_like, shape (k,), optional
         Keep the solution at these increasing times instead, from the dense output.
     components : array_like of int, shape (k,), optional
         Keep only these components of y, in this order and without dense output. Events and the
-        state have all of them.
+        state still have all components.
     max_step : float, optional
-        Longest step of `Collocation` [time]. It may miss a force that acts for a shorter time than
-        a step, and warns if it finds one. Half of that time is a safe choice.
+        Longest step of `Collocation` [time]. A step may miss a force that acts for a shorter time
+        than the step. If the run finds such a force, it warns. Half of the time for which the force
+        acts is a safe choice.
     max_steps : int, optional
-        Most steps of this call of `Collocation`, by default one million. A run that needs more ends
-        with the status `max_steps` and can be resumed.
+        Largest number of steps of `Collocation` in this call, by default one million. A run that
+        needs more ends with the status `max_steps` and can be resumed.
     breaks : array_like, shape (k,), optional
         Times at which the right-hand side jumps. `Collocation` restarts its steps there. Given
         steps must include these times. On uniform steps every scheme is of first order after a
@@ -144,8 +146,9 @@ def solve(
         contain y before and after (docs/events.md).
     switches : callable or sequence of callable, optional
         Functions ``switch(t, y)`` at whose changes of sign the right-hand side jumps. They are
-        compiled and located as events are. Steps restart there, and each evaluates one side only.
-        If both sides push the solution back, the run ends with the status `sliding`.
+        compiled, and their zeros are located as those of events. Steps restart there, and each step
+        evaluates the right-hand side on one side of the jump only. If both sides push the solution
+        back, the run ends with the status `sliding`.
     changes : mapping of float to callable, optional
         ``{time: change}`` with functions ``change(t, y)`` that return a new y, such as doses, at
         times above t_start. A resumed run ignores times up to the state's. Times beyond t_end are
@@ -199,12 +202,13 @@ def solve(
 
     Notes
     -----
-    Tolerance: the unit of y does not matter. A component keeps the tolerance while it is larger
-    than 1e-8 of the largest one, and rtol times that ratio above 1e-14 (docs/theory.md).
+    Tolerance: the unit of y does not matter. A component keeps the tolerance while its ratio to the
+    largest one is above 1e-8, and rtol times this ratio is above 1e-14 (docs/theory.md).
 
-    Rows at `t_eval`: given steps are joined by parabolas, to O(h**3) for smooth solutions. The
-    first two steps of equations with constant orders use powers of t instead, among them t**alpha
-    with each component's highest order. The error of a row is about that of the nearest steps.
+    Rows at `t_eval`: with given steps parabolas interpolate the solution, with an error of O(h**3)
+    if it is smooth. In the first two steps of equations with constant orders powers of t
+    interpolate it instead, among them t**alpha with each component's highest order. The error of a
+    row is about that of the nearest steps.
 
     Events: `Collocation` evaluates them at nine points of each step, and given steps at their ends.
     Two zeros between neighbouring points are not found, nor is a zero next to a NaN. A zero at the
@@ -213,8 +217,8 @@ def solve(
 
     Cost
     ----
-    Given steps: one evaluation of the right-hand side in each. With the default history about 20 ns
-    more for each component, in constant storage (convergence/memory_is_nearly_free.py).
+    Given steps: each has one evaluation of the right-hand side. The default history takes about 20
+    ns more for each component, and constant storage (convergence/memory_is_nearly_free.py).
     `Collocation`: about 10 to 50 microseconds a step, but far fewer steps
     (convergence/collocation.py).
 

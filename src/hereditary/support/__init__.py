@@ -1,1 +1,1 @@
-"""Checks and messages of arguments, warnings, HTML, and what the machine has."""
+"""Checks of arguments and their messages, warnings, HTML, and cores and storage of the machine."""

@@ -1,4 +1,4 @@
-"""Argument checks in one wording.
+"""Checks of arguments, with messages of one form.
 
 Every message names the argument, what was required, what arrived and, if it helps, what to do. An
 example is "n_steps must be a positive integer, got 2.5; pass int(n_steps)".
@@ -24,7 +24,7 @@ _R = TypeVar("_R")
 # ExplicitCaputo, and SciPy's "Radau" has 0.6 to Adams. At 1 only names written in full are
 # recognised.
 _NEAR = 0.65
-# How a message shows an integer that no float holds, which may have thousands of digits.
+# Words of a message for an integer above the largest float, which may have thousands of digits.
 _BEYOND = "a number beyond 1e308"
 
 
@@ -68,7 +68,7 @@ def refusing(instead: dict[str, str]) -> Callable[[Callable[_P, _R]], Callable[_
 
 
 def shown(array: ArrayLike) -> str:
-    """Return an array in few words, for a message."""
+    """Return a short text of an array, for a message."""
     return np.array2string(np.asarray(array), separator=", ", threshold=8, edgeitems=3)
 
 
@@ -141,26 +141,26 @@ def one_of(
 
 
 def truth(argument: str, value: Any) -> bool:
-    """Return `value` as a bool, or refuse what is neither True nor False, 1 or 0."""
+    """Return `value` as a bool if it is True, False, 1 or 0; refuse anything else."""
     return one_of(argument, value, (True, False), "be True or False", kind=TypeError)
 
 
 def function(argument: str, value: Any, call: str) -> Callable[..., Any]:
-    """Return `value` if it can be called; `call` is how it is called, in a message."""
+    """Return `value` if it is callable, or refuse it; messages show its arguments by `call`."""
     if not callable(value):
         refuse(argument, f"be a function {call}", reprlib.repr(value), kind=TypeError)
     return value
 
 
 def mapping(argument: str, value: Any, required: str) -> Mapping[Any, Any]:
-    """Return `value` if it is a mapping."""
+    """Return `value` if it is a mapping, or refuse it."""
     if not isinstance(value, Mapping):
         refuse(argument, required, reprlib.repr(value), kind=TypeError)
     return value
 
 
 def whole(value: Any) -> Any:
-    """Return a float without a fraction, ``1e3``, as an int; anything else unchanged."""
+    """Return a float with an integer value, such as ``1e3``, as an int; other values unchanged."""
     is_float = isinstance(value, (float, np.floating))
     return int(value) if is_float and float(value).is_integer() else value
 
@@ -191,7 +191,7 @@ def real_array(
 
 
 def instance(argument: str, value: Any, kind: type, example: str) -> Any:
-    """Return `value` if it is an instance of `kind`; `example` is a call that makes one."""
+    """Return `value` if it is an instance of `kind`, or refuse it; messages suggest `example`."""
     if not isinstance(value, kind):
         article = "an" if kind.__name__[0] in "AEIO" else "a"
         got, remedy = repr(value), f"pass {example}"
@@ -219,7 +219,7 @@ def _call_named(name: str, kind: type) -> str:
 
 
 def component_numbers(components: Any, d: int, argument: str = "components") -> np.ndarray:
-    """Return numbers of components of d, as an array; refuse anything else."""
+    """Return numbers of components, 0 to d - 1, as an array; refuse anything else."""
     refuse_masked(argument, components, "be whole numbers")
     found = np.atleast_1d(np.asarray(components))
     whole = found.ndim == 1 and found.size and found.dtype.kind in "iu"

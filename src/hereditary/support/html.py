@@ -1,4 +1,4 @@
-"""Pieces of HTML for notebooks."""
+"""Parts of HTML for the display of objects in notebooks."""
 
 from __future__ import annotations
 
@@ -10,14 +10,14 @@ from collections.abc import Iterable, Sequence
 
 import numpy as np
 
-# Points of a line in a small figure.
+# Number of points of a line in a small figure; lines with more are thinned out.
 _POINTS = 2000
-# Size of a small figure [inches].
+# Width and height of a small figure [inches].
 _SIZE = (4.0, 1.8)
 
 
 def table_html(head: Sequence[object], rows: Iterable[Sequence[object]]) -> str:
-    """Return a table with a head."""
+    """Return an HTML table with one row of headings and these rows."""
     lines = [_cells("th", head), *(_cells("td", row) for row in rows)]
     return f"<table>{''.join(f'<tr>{line}</tr>' for line in lines)}</table>"
 
@@ -27,17 +27,17 @@ def _cells(kind: str, values: Iterable[object]) -> str:
 
 
 def escaped(value: object) -> str:
-    """Return a value as text in HTML, numbers with six digits."""
+    """Return a value as escaped HTML text, a float with six digits."""
     return html.escape(f"{value:.6g}" if isinstance(value, float) else str(value))
 
 
 def paragraph(text: object) -> str:
-    """Return a paragraph of plain text."""
+    """Return an HTML paragraph with this text."""
     return f"<p>{escaped(text)}</p>"
 
 
 def small_figure(t: np.ndarray, y: np.ndarray) -> str:
-    """Return a small figure of the columns of y (n, d) against t (n,), as an image."""
+    """Return an HTML image: a figure of the d columns of y (n, d) against t (n,)."""
     figure = importlib.import_module("matplotlib.figure").Figure(_SIZE, layout="constrained")
     axes, every = figure.add_subplot(), max(1, len(t) // _POINTS)
     axes.plot(t[::every], y[::every], lw=0.8)

@@ -1,4 +1,4 @@
-"""Packages that only some methods need."""
+"""Optional packages, which only a few methods need."""
 
 import importlib
 from types import ModuleType

@@ -18,7 +18,7 @@ class ThreadSwitch(threading.local):
 
     @contextmanager
     def set(self) -> Iterator[None]:
-        """Set the flag within a ``with`` statement."""
+        """Return a context in which the flag is True in this thread."""
         before, self.value = self.value, True
         try:
             yield
@@ -30,7 +30,7 @@ _silent = ThreadSwitch()
 
 
 def silence() -> AbstractContextManager[None]:
-    """Suppress warnings of the package in this thread, within a ``with`` statement."""
+    """Return a context in which the package gives no warnings in this thread."""
     return _silent.set()
 
 
