@@ -99,7 +99,7 @@ def _side(rhs: Any, in_place: bool) -> Any:
 
 @lru_cache(maxsize=64)
 def slopes(jac: Any) -> Any:
-    """Return the compiled Jacobian ``B + A J S``, where J is `jac` and parameters are as in `affine`."""
+    """Return the compiled Jacobian ``B + A J S``; J is `jac`, parameters are as in `affine`."""
 
     def all_slopes(t: float, x: np.ndarray, out: np.ndarray, params: np.ndarray) -> None:
         z = _arguments(x, params)

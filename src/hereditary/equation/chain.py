@@ -1,4 +1,4 @@
-"""Rewrite equations with orders above 2, or with matrices as coefficients, as systems without either.
+"""Rewrite equations with orders above 2, or with matrices as coefficients, as plain systems.
 
 Matrices. ``sum_l C_l D^(gamma_l) y = f(t, y)`` with matrices C_l is solved for the highest
 derivative of each component. Let A be the matrix whose column j is the column j of that C_l which

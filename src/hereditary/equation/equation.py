@@ -58,7 +58,7 @@ class Equation:
     rhs : callable, or None with `linear`
         ``rhs(t, y)`` or ``rhs(t, y, params)`` returning shape (d,) (or a number when d = 1), or in
         place ``rhs(t, y, dy, params)``. The number of arguments decides. t is a float, y has shape
-        (d,). numba compiles `rhs` with the functions that it calls, and again before a run if a
+        (d,). `rhs` is compiled with the functions that it calls, and again before a run if a
         global or a closed-over value has changed. A function that numba cannot compile (methods,
         callable objects, SciPy's functions, try) is called in Python, with a
         `PythonFunctionWarning` and 3 us more a call. `rhs` must return equal values for equal t and
@@ -331,7 +331,7 @@ class Equation:
         return Equation(**(self._arguments() | changes))
 
     def _with_params(self, params: np.ndarray) -> Equation | None:
-        """Return the equation with other parameters, or None if the functions must be checked again.
+        """Return the equation with other parameters; None if functions must be checked again.
 
         The functions are the same and have been checked, so the right-hand side is called only
         once.
@@ -371,7 +371,7 @@ class Equation:
             raise original(error) from None
 
     def current(self) -> Equation:
-        """Return an equation whose functions are compiled with the present globals and closed-over values.
+        """Return an equation compiled with the present globals and closed-over values.
 
         It is this equation itself if no value has changed since it was made.
         """
