@@ -1,8 +1,8 @@
-"""Memory kernels and memory operators, and the terms they make.
+"""Memory operators, which the user adds and multiplies to the terms of an equation.
 
-A memory operator sends y to ``int_0^t K(t-s) y^(m)(s) ds``. Caputo's derivative of order alpha is
-the one with m = ceil(alpha) and ``K(t) = t**(m-1-alpha) / Gamma(m-alpha)``. For integer alpha it is
-the classical derivative and has no memory.
+A memory operator maps y to ``int_0^t K(t-s) y^(m)(s) ds`` with a kernel K. Caputo's derivative of
+order alpha has m = ceil(alpha) and ``K(t) = t**(m-1-alpha) / Gamma(m-alpha)``. For integer alpha it
+is the classical derivative, without memory.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ _INTEGRAL = (
 class Summand:
     """A part of the left-hand side of an equation, which can be scaled and added to others."""
 
-    # without this NumPy would multiply entry by entry in `array * Caputo(...)`
+    # tells NumPy to leave `array * Caputo(...)` to __rmul__ instead of multiplying entry by entry
     __array_ufunc__ = None
 
     def _terms(self) -> tuple[Term, ...]:
@@ -60,7 +60,7 @@ class Summand:
         return Terms([*self._terms(), *other._terms()])
 
     def __radd__(self, other: int) -> Terms:
-        # sum([...]) begins with 0
+        # Python's sum([...]) adds the first term to 0
         return Terms(self._terms()) if isinstance(other, int) and other == 0 else NotImplemented
 
     def __sub__(self, other: Summand) -> Terms:
@@ -105,8 +105,8 @@ class Caputo(Summand):
         Order alpha above 0 [-], one for all components or one for each (an incommensurate system);
         m = ceil(alpha). Integers give the classical derivative exactly. A function ``alpha(t)`` of
         time is an order that varies: all its values are in (0, 1], or all in (1, 2]. An equation
-        with orders above 2 is solved as a system of y and its derivatives, and all its orders must
-        be constant.
+        with orders above 2 is solved as a system of y and its derivatives. All orders of such an
+        equation must be constant.
 
     Notes
     -----
@@ -185,9 +185,10 @@ class Caputo(Summand):
 class RiemannLiouville(Caputo):
     """Riemann and Liouville's derivative of order below 1, ``d/dt J**(1-gamma) y``.
 
-    It is ``Caputo(gamma) y + y(0) t**-gamma / Gamma(1-gamma)``: y counts as 0 before the start.
-    Multiply it by a coefficient to make a term of an equation. The equation needs a Caputo term of
-    higher order, whose initial values are y(0) and y'(0).
+    J is the integral from 0. The derivative is ``Caputo(gamma) y + y(0) t**-gamma /
+    Gamma(1-gamma)``: y counts as 0 before the start. Multiply it by a coefficient to make a term of
+    an equation. The equation needs a Caputo term of higher order too, whose initial values are y(0)
+    and y'(0).
 
     Parameters
     ----------
@@ -198,13 +199,13 @@ class RiemannLiouville(Caputo):
 
     Notes
     -----
-    The contribution of y(0) is infinite at t = 0 and never sampled there. `Collocation` integrates
-    it exactly. With fixed steps its first samples are corrected so that their sum is its integral.
-    `ExplicitCaputo`, `GrunwaldLetnikov` and `L1` have the same orders as for solutions like
-    t**alpha. ``BDF(p)`` has order p for f linear in y, otherwise min(p, 1 + 2 (alpha - gamma)),
-    with the highest order alpha. `L2` and `L12` have order 1 - gamma, and the full order on a
-    mesh ``graded(n, order / (1 - gamma))``. `L2Sigma` stays below order 1 on uniform steps
-    (convergence/riemann_liouville.py).
+    The contribution of y(0) is infinite at t = 0, and schemes never sample it there. `Collocation`
+    integrates it exactly. With fixed steps the first samples of the contribution are corrected so
+    that their sum is its integral. `ExplicitCaputo`, `GrunwaldLetnikov` and `L1` have the same
+    orders of convergence as for solutions like t**alpha. ``BDF(p)`` has order p for f linear in y,
+    otherwise min(p, 1 + 2 (alpha - gamma)), with the highest order alpha. `L2` and `L12` have order
+    1 - gamma, and the full order on a mesh ``graded(n, order / (1 - gamma))``. `L2Sigma` stays
+    below order 1 on uniform steps (convergence/riemann_liouville.py).
 
     Examples
     --------
@@ -226,7 +227,7 @@ class RiemannLiouville(Caputo):
             refuse("order", required, self._order.tolist())
 
     def parts(self, orders: np.ndarray) -> list[tuple[Operator, np.ndarray | bool]]:
-        """Return operators of a `System`; see `Caputo.parts`."""
+        """Return pairs of an operator of a `System` and its components; see `Caputo.parts`."""
         return [
             (replace(part, from_zero=True) if isinstance(part, ConstantOrder) else part, held)
             for part, held in super().parts(orders)
@@ -245,11 +246,11 @@ class Memory(Summand):
     ----------
     kernel : MemoryKernel
         `PowerLaw`, `TemperedPowerLaw`, `Prony`, `MittagLeffler`, `StretchedExponential`,
-        `DistributedOrder`, or `Kernel` for any other; integrable at 0. A sum from
-        `fit_exponentials` is used unchanged, in runs up to its t_max. Before its t_min it has no
-        singularity.
+        `DistributedOrder`, or `Kernel` for any other function. It must be integrable at 0. A sum of
+        exponentials from `fit_exponentials` is used unchanged, in runs up to its t_max. Such a sum
+        has no singularity at 0, so it differs from a singular kernel before its t_min.
     derivative : int
-        m: 0, 1 or 2.
+        m, the derivative of y inside the integral: 0, 1 or 2.
 
     Notes
     -----
@@ -314,7 +315,11 @@ class Term(Summand):
         return Term(self.operator, checked * own)
 
     def plain(self) -> Term:
-        """Return the term with its kernel's factor in its coefficient, a power law as Caputo's."""
+        """Return an equal term in the simplest form.
+
+        A factor of the kernel becomes part of the coefficient. A power law with m of 1 or 2 becomes
+        Caputo's derivative.
+        """
         operator, coefficient = self.operator, self.coefficient
         if not isinstance(operator, Memory):
             return self

@@ -18,7 +18,7 @@ from .terms import Operator, SystemTerm, VaryingOrder
 
 
 def as_terms(terms: Summand | Iterable[Summand], name: str = "terms") -> tuple[Term, ...]:
-    """List the terms of an argument, in any of the forms that `Equation` takes."""
+    """Return the terms of an argument in any of the forms that `Equation` accepts."""
     items: Any = [terms] if isinstance(terms, (Summand, numbers.Real)) else terms
     required = "be Caputo or Memory operators with coefficients"
     example = "write [Caputo(1.8), 0.25 * Caputo(0.8)]"
@@ -46,7 +46,8 @@ def left_side(
 ) -> list[SystemTerm]:
     """List the operators of the left side of a system with their coefficients, one for each order.
 
-    Times of the system count from `origin`.
+    `factors` are the coefficients of the user's terms. `orders` has for each term of constant order
+    the orders of all components. `origin` is the user's time at time 0 of the system.
     """
     left, rows = [], iter(orders)
     for term, c in zip(terms, factors, strict=True):
@@ -59,7 +60,10 @@ def left_side(
 
 
 def factors_of(terms: Sequence[Term], d: int, paired: bool) -> np.ndarray:
-    """Stack the terms' coefficients, (n_terms, d), or (n_terms, d, d) where one is a matrix."""
+    """Return the terms' coefficients, (n_terms, d), or (n_terms, d, d) if one is a matrix.
+
+    If components are complex (`paired`), d becomes 2 d.
+    """
     found = [t.coefficient for t in terms]
     if all(factor.ndim < 2 for factor in found):
         return per_component("coefficient", found, d, paired)
@@ -77,9 +81,11 @@ def factors_of(terms: Sequence[Term], d: int, paired: bool) -> np.ndarray:
 
 
 def check_initial_terms(left: Iterable[SystemTerm], leading: np.ndarray) -> None:
-    """Refuse Riemann-Liouville terms that are not below `leading` (d,), highest orders of Caputo's.
+    """Refuse Riemann-Liouville terms whose order is too high in a component.
 
-    With a given y'(0) they must be below it by more than 1: y' would be infinite at 0.
+    `leading` (d,) are the highest orders of the components' other terms. The order must be below
+    them. If they exceed 1, it must be below them by more than 1: y' would be infinite at 0
+    otherwise.
     """
     for operator, coefficients in left:
         if not operator.from_zero:
@@ -104,7 +110,10 @@ def _order_at_start(operator: Operator) -> float:
 def per_component(
     name: str, arrays: Sequence[np.ndarray], d: int, paired: bool = False
 ) -> np.ndarray:
-    """Return a row for each term, broadcast to d components, or to 2 d if they are `paired`."""
+    """Return an array with a row of d entries for each of `arrays`: numbers, or arrays (d,).
+
+    If components are complex (`paired`), each entry is repeated, for 2 d real components.
+    """
     for array in arrays:
         if array.ndim and array.size != d:
             required = f"be one number or one for each of the {d} components"
@@ -139,7 +148,7 @@ def _read_terms(memory: Summand) -> tuple[Term, ...]:
 
 
 def with_memory(system: System, memory: Sequence[Term]) -> System:
-    """Return a system with the memory that its right-hand side reads: (1 + k) d components.
+    """Return a system with the k terms of memory that its right-hand side reads as components.
 
     The d components are followed by d for each term of `memory`. The left side of each of these is
     that term, so schemes compute it like a term of an equation. Marches use the increments of their
@@ -168,7 +177,10 @@ def with_memory(system: System, memory: Sequence[Term]) -> System:
 
 
 def _without_unread(system: System, left: Sequence[SystemTerm], factors: np.ndarray) -> System:
-    """Return a system with memory of these `factors`, (k, d); where they are 0 f reads 0."""
+    """Return a system with its memory components, but without those whose factor (k, d) is 0.
+
+    The right-hand side still gets 0 as the value of an omitted component.
+    """
     k, d = factors.shape
     kept = np.append(np.full(d, True), factors.ravel() != 0)
     sources = np.tile(np.arange(d), 1 + k)[kept]
@@ -185,9 +197,10 @@ def _without_unread(system: System, left: Sequence[SystemTerm], factors: np.ndar
 
 
 def _check_below(operator: Operator, read: np.ndarray, system: System) -> None:
-    """Refuse memory whose order is not below the highest of the components `read`, (d,).
+    """Refuse memory of an order that is not below the highest order of its components.
 
-    Algebraic rows may read any derivative for which there are initial values.
+    `read` (d,) says which components the memory has. For algebraic components the order may be any
+    for which y0 has the initial values.
     """
     bare = system.algebraic
     if operator.derivative > system.m and np.any(read & bare) and operator.constant:
@@ -204,7 +217,7 @@ def _check_below(operator: Operator, read: np.ndarray, system: System) -> None:
         refuse("memory", required, f"{order:g}", "solve the equation for its highest derivative")
 
 
-# What messages about y0 say of y' in a right-hand side.
+# Part of messages about y0 that explains how a right-hand side reads y'.
 _SPEED = (
     "; y' is no entry of y: with memory=hd.Caputo(1), rhs(t, y, memory) or rhs(t, y, memory, "
     "params) reads it as memory[0, 0]"
@@ -228,7 +241,7 @@ def finite(y0: ArrayLike) -> np.ndarray:
 
 
 def initial_values(values: np.ndarray, m: int) -> np.ndarray:
-    """Return the (m, d) array for any of the shorthands."""
+    """Return y0 as an array (m, d); shorthands are (m,) if d = 1, (d,) if m = 1, and a number."""
     given = values.shape
     if values.ndim == 0:
         values = values.reshape(1, 1)

@@ -1,4 +1,4 @@
-"""Systems, which schemes and marches solve, and systems derived from one."""
+"""Systems, the form of equations that schemes and steppers solve, and systems made from others."""
 
 from __future__ import annotations
 
@@ -23,50 +23,56 @@ _SAME = Frame()
 
 @dataclass(frozen=True, eq=False, repr=False)
 class System:
-    """A sum of memory terms for each component, equal to a right-hand side.
+    """A sum of terms with memory for each component, equal to a right-hand side.
 
-    `Equation.system` is one, with everything checked. Its first `n_solved` components have an
-    equation. Memory that the right-hand side reads follows them as further components.
+    `Equation.system` is a system with all checks done. There are d components. The first `n_solved`
+    of them have an equation. The others are memory that the right-hand side reads: each is a term
+    of its source, one of the first components.
 
     Attributes
     ----------
     left : tuple of SystemTerm
-        Operators of the left side with their coefficients; for memory those of its term.
+        Operators with their coefficients: of the left side, or of the term that a memory component
+        is.
     y0 : ndarray, shape (m, d)
-        y(0), and y'(0) where m = 2; for memory those of its source.
+        y(0), and y'(0) if m = 2; a memory component has those of its source.
     compiled_params : ndarray
-        Parameters of the right-hand side, followed by numbers that only compiled code reads.
+        Parameters of the user, followed by further numbers that only compiled code reads.
     compiled_rhs : callable or None
-        Right-hand side; None in systems for plans alone.
+        Right-hand side; None in a system that serves only to make plans.
     compiled_jac : callable, optional
-        Its Jacobian; None for differences.
+        Jacobian of the right-hand side; None for differences.
     sources : ndarray of int64, shape (d,), optional
-        Component whose memory each component is; itself for a component with an equation.
+        Source of each component: the component whose memory it is. A component with an equation is
+        its own source.
     structure : large.structure.Structure, optional
-        Entries of the Jacobian that may differ from 0; then the Jacobian sets these alone.
+        Entries of the Jacobian that may differ from 0. With it, functions for the Jacobian set
+        these entries only.
     n_params : int, optional
-        Number of parameters of the user.
+        Number of parameters of the user; all by default.
     quantities, of_y : ndarray of int64, shape (d,), optional
-        Number of the quantity whose scale each component has: 0 for y, others for derivatives and
-        parameters. Component of y that each belongs to, by default its source.
+        For each component, the number of the quantity whose scale it has: 0 for y, others for
+        derivatives and for parameters. `of_y` is the component of y to which it belongs, its source
+        by default.
     frame : Frame
-        Map to times and components of the user.
+        Map between times and components of a run and those of the user.
     rhs_digest, terms_digest : str
-        Digests, equal in other processes, of the user's right-hand side and of terms that `left`
-        does not show.
+        Digests of the user's right-hand side, and of terms that `left` does not contain. They are
+        equal in other processes.
     matrix : scipy.sparse.csr_array, optional
         Constant matrix that is part of the right-hand side.
     linear_alone : bool
-        Whether it is all of the right-hand side.
+        Whether this matrix is the complete right-hand side.
     callbacks : tuple
-        Functions called in Python, which live as long as compiled code may call their addresses.
+        Callbacks to functions in Python. The system keeps them alive while compiled code may call
+        their addresses.
     by_params : int
-        The first tangents, so many, are derivatives by the first parameters.
+        Number of tangents that are derivatives by parameters: tangent k is that by parameter k.
     delays : tuple of Delayed
-        Delays that the right-hand side reads from tables behind its parameters.
+        Delays. The right-hand side reads delayed values from tables after its parameters.
     """
 
-    left: Iterable[SystemTerm]  # a tuple, once made
+    left: Iterable[SystemTerm]  # a tuple from __post_init__ on
     y0: np.ndarray
     compiled_params: np.ndarray
     compiled_rhs: Any = None
@@ -104,18 +110,18 @@ class System:
 
     @property
     def n_y(self) -> int:
-        """Number of components of y as the user sees it."""
+        """Number of components of the user's y, where a complex one counts once."""
         n = int(self.of_y.max()) + 1
         return n // 2 if self.frame.paired else n
 
     @property
     def m(self) -> int:
-        """Number of initial values of a component."""
+        """Number of initial values of each component: 1, or 2 for y(0) and y'(0)."""
         return self.y0.shape[0]
 
     @property
     def d(self) -> int:
-        """Number of components, with memory that the right-hand side reads."""
+        """Number of components, including memory that the right-hand side reads."""
         return self.y0.shape[1]
 
     @cached_property
@@ -125,9 +131,9 @@ class System:
 
     @cached_property
     def distinct(self) -> tuple[list[tuple[tuple[float, Any], ...]], np.ndarray]:
-        """Different lists of (coefficient, operator), and the number of each component's, (d,).
+        """The distinct lists of (coefficient, operator), and the index of each component's, (d,).
 
-        Terms with a zero coefficient are omitted.
+        Zero coefficients are left out.
         """
         columns = np.array([c for _, c in self.left])
         if np.all(columns == columns[:, :1]):
@@ -213,7 +219,7 @@ class System:
 
     @cached_property
     def algebraic(self) -> np.ndarray:
-        """Whether each component with an equation has no term, so that 0 = f, (n_solved,)."""
+        """Whether each component with an equation has an algebraic one, 0 = f, (n_solved,)."""
         held = [coefficients[: self.n_solved] != 0 for _, coefficients in self.left]
         return ~np.any(held, axis=0)
 
@@ -241,8 +247,9 @@ class System:
     def derivative(self, t: float, y: ArrayLike, units: np.ndarray | None = None) -> Any:
         """Return d rhs / d y at (t, y): the given one, or differences.
 
-        An array (d, d) or, where its entries are known, SciPy's CSR array. Times count from the
-        start, and complex components are two.
+        The result is an array (d, d), or SciPy's CSR array if `structure` is given. Times count
+        from the start. A complex component is two real ones. `units` are those of `positive_units`
+        by default.
         """
         structure, d = self.structure, self.d
         out = np.empty((d, d)) if structure is None else structure.entries.copy()
@@ -282,8 +289,8 @@ class System:
     def motion(self, t: float, y: np.ndarray, ydot: np.ndarray) -> np.ndarray:
         """Estimate y' at time t from y and ydot, both (d,).
 
-        For orders up to 1 it is the right-hand side over the leading coefficient, lower terms
-        neglected. Above 1 it is ydot.
+        For a highest order above 1 the estimate is ydot. Otherwise it is the right-hand side over
+        the leading coefficient, without the other terms.
         """
         force = self.force(self.beside(t, 1), y)
         with np.errstate(divide="ignore", invalid="ignore"):
@@ -302,9 +309,9 @@ def refuse_late(system: System, t_end: float) -> None:
 
 
 def leading_orders(left: Iterable[SystemTerm], d: int) -> np.ndarray:
-    """Return the highest order of each of d components in any equation; 0 if it has none.
+    """Return the highest order of each of d components in any equation; 0 without terms.
 
-    Coefficients are of shape (d,) or (d, d), a row for each equation.
+    Coefficients have shape (d,), or (d, d) with a row for each equation.
     """
     highest = np.zeros(d)
     for operator, coefficients in left:
@@ -320,14 +327,15 @@ def variational(system: System, directions: np.ndarray) -> System:
     ----------
     system : System
     directions : ndarray, shape (m, d, k)
-        Derivatives of y(0), y'(0) along each direction.
+        Derivatives of the initial values y(0), y'(0) along each of k directions.
 
     Returns
     -------
     System
-        For plans of schemes, which call its right-hand side from Python; a march uses the one of
-        `system`. Since schemes treat all components alike, a scheme applied to it gives the exact
-        derivative of the scheme applied to `system`.
+        A system for plans of schemes only, which call its right-hand side from Python. A march
+        calls the right-hand side of `system`. Schemes treat all components in the same way.
+        Therefore a scheme applied to this system gives the exact derivative of the scheme applied
+        to `system`.
     """
     d, k = system.d, directions.shape[2]
     y0 = np.hstack([system.y0, *np.moveaxis(directions, 2, 0)])

@@ -1,7 +1,7 @@
 """Memory operators of a system, as schemes and histories use them.
 
-Each sends y to ``int_0^t K(t-s) y^(m)(s) ds``, with Caputo's kernel of a constant order, with that
-of an order that varies, or with a general kernel.
+Each operator maps y to ``int_0^t K(t-s) y^(m)(s) ds``. K is Caputo's kernel of a constant order,
+Caputo's kernel of an order that varies, or a general kernel.
 """
 
 from __future__ import annotations
@@ -20,11 +20,12 @@ from ..kernels.step_kernel import Integrated, PowerSteps, StepKernel
 from ..support.checks import complaint, real, refuse
 from .orders import derivative_order, rounded_order
 
-# A value of s at which s K^(s) is the constant part of a kernel, if it has one.
+# Argument s of a Laplace transform K^(s), so close to 0 that s K^(s) is the limit of the kernel K
+# at late times: its constant part, if it has one.
 _SLOW = 1e-200 + 0j
-# Another such value, closer to 0.
+# Second argument s, closer to 0, at which a kernel without constant part has a smaller s K^(s).
 _SLOWER = 1e-250 + 0j
-# Least ratio of s K^(s) at the second value to that at the first, where there is a constant part.
+# Ratio of s K^(s) at `_SLOWER` to that at `_SLOW` above which a kernel has a constant part.
 _CONSTANT = 0.99
 
 
@@ -44,7 +45,7 @@ class ConstantOrder:
     order : float
         alpha in (0, 2].
     from_zero : bool
-        Whether it is Riemann and Liouville's, where y is 0 before the start.
+        Whether it is Riemann and Liouville's derivative, for which y is 0 before the start.
     """
 
     order: float
@@ -81,15 +82,15 @@ class ConstantOrder:
         return float(h**-self.order * rgamma(self.power + 1))
 
     def in_steps(self, h: float) -> PowerSteps:
-        """Return the kernel ``p t**(p-1)`` in units of the step."""
+        """Return the kernel ``p t**(p-1)``, with t in units of the step h."""
         return PowerSteps(self.power)
 
     def powers(self, times: np.ndarray) -> tuple[np.ndarray, str]:
-        """Return p at all times, and no fault; see `VaryingOrder.powers`."""
+        """Return p at all times, and "" for no error; see `VaryingOrder.powers`."""
         return np.full(times.size, self.power), ""
 
     def described(self, times: np.ndarray) -> object:
-        """Return a description: the order."""
+        """Return a description that can be compared: the order, with a name if not Caputo's."""
         return ("Riemann-Liouville", self.order) if self.from_zero else self.order
 
 
@@ -116,7 +117,7 @@ class KernelOperator:
 
     @property
     def order(self) -> float:
-        """m."""
+        """m, the derivative of y inside the integral, as a float."""
         return float(self.derivative)
 
     @property
@@ -139,8 +140,8 @@ class KernelOperator:
         return StepKernel(self.kernel if self.derivative else Integrated(self.kernel), h)
 
     def described(self, times: np.ndarray) -> object:
-        """Return a description: the kernel's parameters or several values, and m."""
-        if " at 0x" not in repr(self.kernel):  # a function's or object's address does not last
+        """Return a description that can be compared: the kernel's text or several values, and m."""
+        if " at 0x" not in repr(self.kernel):  # an address differs in each process
             return repr(self.kernel), self.derivative
         times = times[times > 0]
         values = self.kernel(times) if times.size else np.zeros(0)
@@ -176,9 +177,9 @@ class VaryingOrder:
     derivative : int
         m, 1 or 2: orders lie in (m - 1, m].
     origin : float
-        Time of the function at time 0 of the operator [time].
+        Argument of the function at time 0 of the operator [time].
     from_zero : bool
-        Whether it is Riemann and Liouville's, where y is 0 before the start.
+        Whether it is Riemann and Liouville's derivative, for which y is 0 before the start.
     """
 
     function: Callable
@@ -188,7 +189,7 @@ class VaryingOrder:
 
     @classmethod
     def from_function(cls, function: Callable) -> VaryingOrder:
-        """Return the operator of a user's function, with m from its value at 0."""
+        """Return the operator of a user's function; m is the ceil of its value at 0."""
         required = "be a function order(t) with values in (0, 1], or in (1, 2]"
         try:
             start = function(0.0)
@@ -220,32 +221,36 @@ class VaryingOrder:
         return float(self.derivative)
 
     def powers(self, times: np.ndarray) -> tuple[np.ndarray, str]:
-        """Return p = m - alpha at increasing times (n,), up to the first bad one.
+        """Return p = m - alpha at increasing times (n,), up to the first order out of range.
 
         Returns
         -------
         powers : ndarray, shape (k,)
-            k = n where all is well.
+            k = n if all orders are in range.
         trouble : str
-            A sentence about the first bad order; empty where all is well.
+            A sentence about the first order out of range; empty if there is none.
         """
         values, trouble = self.sampled(times)
         return self.derivative - values, trouble
 
     def described(self, times: np.ndarray) -> object:
-        """Return a description: orders at several times, because functions have no lasting name."""
+        """Return a description that can be compared: orders at several times.
+
+        A function has no name that identifies it in other processes.
+        """
         values = self.sampled(times)[0].tolist()
         return ("Riemann-Liouville", values) if self.from_zero else values
 
     def sampled(self, times: np.ndarray) -> tuple[np.ndarray, str]:
-        """Return orders at increasing times (n,) up to the first bad one, and its fault.
+        """Return orders at increasing times (n,), up to the first order out of range.
 
         Returns
         -------
         values : ndarray, shape (k,)
-            All inside the range; k = n where all is well.
+            Orders in (m - 1, m]; k = n if all are in this range.
         trouble : str
-            A sentence; empty where all is well.
+            A sentence about the first order out of range, or about an exception of the function;
+            empty if there is neither.
         """
         times = times + self.origin
         values = self._at_once(times)
