@@ -19,7 +19,8 @@ _GOAL = 1e-13
 # Least pivot of a regular Jacobian, relative to the largest entry of each row: differences err by
 # 1e-10.
 _RANK = 1e-9
-# Relative distance from y(0) at which a singular Jacobian is evaluated again.
+# Distance from y(0) at which a singular Jacobian is evaluated again, as fraction of the largest
+# argument of f.
 _BESIDE = 0.01
 # Coefficients of a component below this fraction of those of other components count as 0.
 _NEXT_TO_0 = 1e-15
@@ -67,7 +68,7 @@ def _solve(system, t, x, rows, columns):
 
 
 def _regular(matrix):
-    """Return whether a matrix is regular, whatever the units of its rows are."""
+    """Return whether a matrix is regular; the units of its rows do not matter."""
     sizes = np.abs(matrix).max(axis=1, keepdims=True)
     return bool(np.all(sizes > 0)) and np.linalg.matrix_rank(matrix / sizes, _RANK) == len(matrix)
 
@@ -157,7 +158,7 @@ def settled(system, t, x):
 
 
 def settle_tangents(system, values):
-    """Let tangents at the start satisfy algebraic rows; values (1 + k, m, d) of orbit and tangents.
+    """Change initial tangents so that they satisfy the linearised algebraic rows.
 
     Only unknowns that are components are changed, and not derivatives that f reads.
     """
@@ -166,7 +167,7 @@ def settle_tangents(system, values):
         return
     t, y, tangents = system.beside(0.0, 1), values[0, 0], values[1:, 0]
     rows = _jacobian(system, t, y, bare)
-    if not _regular(rows[:, bare]):  # as it may be at the start alone
+    if not _regular(rows[:, bare]):  # the rows may be singular at the start alone
         return
     tangents[:, bare] = 0.0
     forces = tangents @ rows.T
@@ -175,7 +176,10 @@ def settle_tangents(system, values):
 
 
 def derivatives_at_start(system):
-    """Return the highest derivatives that algebraic rows determine, at the start, by component."""
+    """Return the derivatives that algebraic rows determine at the start: {component: value}.
+
+    They are the unknowns of rows whose f reads derivatives of the row's component.
+    """
     rows, columns = _unknowns(system)
     found = _solve(system, system.beside(0.0, 1), system.at_start, rows, columns)
     if found is None:

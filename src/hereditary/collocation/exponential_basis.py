@@ -1,8 +1,9 @@
 """Exponential bases: convolution kernels of adaptive collocation as sums of exponentials.
 
-The kernels ``t**(a-1) / Gamma(a)``, 0 < a <= 1, hold between the smallest distance that a step
-reads and the end of the run. The rates lie on a grid that is even in log(rate), so a refinement to
-smaller distances keeps all rates and adds faster ones.
+The kernels are ``t**(a-1) / Gamma(a)`` with 0 < a <= 1, and general ones. Their sums are accurate
+between the smallest time lag at which a step evaluates them and the end of the run. In this module
+a *distance* is such a time lag. The rates lie on a grid that is even in log(rate), so a refinement
+to smaller distances keeps all rates and adds faster ones. M is the number of rates.
 """
 
 from __future__ import annotations
@@ -44,13 +45,13 @@ class GridBasis:
     Attributes
     ----------
     closest, farthest : float
-        Distances between which the sums hold [time].
+        Distances between which the sums are accurate [time].
     tol : float
         Relative error of the sums [-].
     rates : ndarray, shape (M,)
         Ascending [1/time]; a few slow rates outside the grid come first.
     spacing : float
-        Distance of the grid in log(rate), infinite where all kernels are constant.
+        Spacing of the grid in log(rate), infinite if all kernels are constant.
     """
 
     closest: float
@@ -70,7 +71,7 @@ class GridBasis:
         return basis
 
     def _down_to(self, closest):
-        """Return a basis with the same spacing that holds down to `closest`."""
+        """Return a basis with the same spacing that is accurate from the distance `closest` on."""
         raise NotImplementedError
 
 
@@ -93,7 +94,7 @@ class PowerLawBasis(GridBasis):
 
     @property
     def error(self) -> float:
-        """Largest relative error of the sums; 0 for constant kernels only."""
+        """Largest relative error of the sums; 0 if all kernels are constant."""
         exponents = tuple(1 - a for a in self.orders)  # of the kernels t**(a-1)
         return max(_effective_tol(exponents, self.tol), _ROUNDING) if any(exponents) else 0.0
 
@@ -102,10 +103,10 @@ class PowerLawBasis(GridBasis):
 
 
 def power_law_basis(orders, closest, farthest, tol, fraction=None):
-    """Fit the power laws of these orders between two distances.
+    """Return the sums of exponentials for power laws of these orders between two distances.
 
-    `fraction` is the fraction of the tolerance that sets the spacing of the rates, found if not
-    given.
+    `fraction` is the fraction of the tolerance `tol` that sets the spacing of the rates. If it is
+    None, the fit determines it.
     """
     exponents = tuple(1 - a for a in orders)  # of the kernels t**(a-1)
     fit_tol = _effective_tol(exponents, tol)
@@ -128,7 +129,7 @@ NO_POWER_LAWS = PowerLawBasis(math.inf, 0.0, 0.0, np.zeros(0), math.inf, (), np.
 
 @dataclass(frozen=True, eq=False)
 class KernelBasis:
-    """Exponential sums of general kernels, down to far below the closest distance that steps read.
+    """Exponential sums of general kernels, to far below the closest distance of steps.
 
     Attributes
     ----------
@@ -137,7 +138,7 @@ class KernelBasis:
     masses : ndarray, shape (n,)
         Integral of each kernel over smaller distances minus that of the sum: a point mass at 0.
     farthest : float
-        Distance up to which all sums hold [time].
+        Distance up to which all sums are accurate [time].
     errors : KernelErrors
         Largest relative errors of the sums.
     """
@@ -149,9 +150,10 @@ class KernelBasis:
 
 
 def kernel_basis(kernels, closest, farthest, t_end, tol):
-    """Fit general kernels for steps that read no closer than `closest`.
+    """Return the sums of exponentials for general kernels, as a `KernelBasis`.
 
-    The sums hold up to `farthest`, or to `t_end` for kernels known by their values alone.
+    Steps evaluate the sums at distances from `closest` on. The sums are accurate up to `farthest`,
+    or up to `t_end` for kernels that are given by values only.
     """
     if not kernels:
         return NO_KERNELS
@@ -170,13 +172,13 @@ NO_KERNELS = KernelBasis((), np.zeros(0))
 
 
 def _first_distance(kernel, closest, tol):
-    """Return the distance from which a kernel is fitted by exponentials."""
+    """Return the smallest distance of the fit of a kernel by exponentials."""
     below = max(_LEAST_BELOW, _BELOW * tol ** (1 / (2 - kernel.singular_exponent)))
     return max(below * closest, 1e-300, _constant_until(kernel, closest, tol))
 
 
 def _constant_until(kernel, closest, tol):
-    """Return the distance up to which a bounded kernel equals K(0) within `tol`; else 0."""
+    """Return the distance up to which a bounded kernel equals K(0) within `tol`, 0 if singular."""
     if kernel.singular_exponent > 0:
         return 0.0
     t = np.geomspace(max(1e-20 * closest, 1e-300), closest, 1000)
@@ -202,6 +204,6 @@ def _fit(kernel, t_min, t_max, tol):
 
 
 def _effective_tol(exponents, tol):
-    """Return the tolerance of a fit of the kernels t**-e; smaller for tiny exponents e."""
+    """Return the tolerance of a fit of kernels t**-e, less than `tol` if an exponent e is tiny."""
     least = min((a for a in exponents if a > 0), default=1.0)
     return tol * min(1.0, max(least / _VARYING, _LEAST_TOL / tol))

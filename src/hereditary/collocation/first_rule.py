@@ -1,12 +1,13 @@
-"""Rule of the step that begins at a singular point, where a solution is a sum of powers of time.
+"""Rule of the first step after a singular start, where a solution is a sum of powers of time.
 
-With the time since then over the step's length equal to
+Let t be the time since the start over the step's length. It depends on a variable u in [0, 1]:
 
-    t = (v / (1 + c (1 - v)))**(q / m),   v = u**m,
+    t = (v / (1 + c (1 - v)))**(q / m),   v = u**m.
 
-functions of t are polynomials in u: the step is an ordinary one, on Radau points of u. All powers
-of t that occur are integer powers of u, or so high that u is as good. A stiff solution of tiny
-order g changes where c t**g is about 1. It is nearly 1 / (1 + c t**g), which is linear in v.
+The step approximates functions of t by polynomials in u, through their values at n Radau points of
+u. The powers of t in the solution are integer powers of u, or powers that are high enough for the
+same accuracy. A stiff solution of tiny order g changes where c t**g is about 1. It is nearly
+1 / (1 + c t**g), which is linear in v.
 """
 
 from functools import lru_cache
@@ -21,8 +22,8 @@ from .structures import Rule
 
 # Width next to 1 that the graded rule leaves out. There kernels are integrated in closed form.
 LEFT_OUT = 0.25**26 / 2
-# Powers of u from this one on are as good as integer ones: their Legendre coefficients fall as
-# n**(-2 power - 1).
+# Exponent from which a power of u is approximated as well as an integer power. Its Legendre
+# coefficients decrease like n**(-2 power - 1).
 _HIGH = 5.3
 # Exponents whose distance from an integer is below this count as integers.
 _APART = 1e-9
@@ -31,12 +32,15 @@ _NODES = 24
 # Number of nodes of a first step in a variable with c > 0, in which solutions of several rates have
 # the same c.
 _NODES_IF_BENT = 48
-# Least distance at which kernels are evaluated.
+# Smallest time lag at which kernels are evaluated.
 _NEXT_TO_0 = 1e-300
 
 
 class Variable(NamedTuple):
-    """The variable u of a step: its powers q and m, the rate c, and the number of nodes."""
+    """The variable u of a first step, t = (v / (1 + c (1 - v)))**(q / m) with v = u**m.
+
+    t is the time over the step's length, q and m are powers, c is a rate, n the number of nodes.
+    """
 
     q: float = 1.0
     m: float = 1.0
@@ -45,7 +49,7 @@ class Variable(NamedTuple):
 
     @classmethod
     def of(cls, generators, c=0.0):
-        """Return the variable for exponents that are sums of these numbers."""
+        """Return the variable for functions whose exponents of t are sums of the `generators`."""
         ratios = [g / generators[0] for g in generators[1:]]
         m = next((m for m in range(1, 6) if all(_is_smooth(m * r) for r in ratios)), _HIGH)
         return cls(m / generators[0], m, c, _NODES_IF_BENT if c else _NODES)
@@ -56,11 +60,11 @@ class Variable(NamedTuple):
             return self.q * np.log(u) - self.q / self.m * np.log1p(self.c * (1 - u**self.m))
 
     def at(self, logs):
-        """Return u at these log(t)."""
+        """Return u at times with the logarithms `logs`."""
         return np.exp(logs / self.q) / self._bend(logs) ** (1 / self.m)
 
     def _bend(self, logs):
-        """Return t**(m/q) / v."""
+        """Return t**(m/q) / v at times with the logarithms `logs`; 1 for c = 0."""
         return (1 + self.c * np.exp(logs * (self.m / self.q))) / (1 + self.c)
 
     def slopes(self, t):
@@ -80,19 +84,22 @@ def functions(variable, logs):
 
 
 def _legendre(variable, logs):
-    """Return the Legendre polynomials in u at log(t) (...,), (n, ...)."""
+    """Return the shifted Legendre polynomials P_0 .. P_(n-1) in u, at times with logarithms `logs`.
+
+    The shape is (n, ...), with that of `logs` after n.
+    """
     x = 2 * np.minimum(variable.at(logs), 1.0) - 1
     return legendre_values(x.ravel(), variable.n - 1).reshape(variable.n, *x.shape)
 
 
 @lru_cache(maxsize=64)
 def first_rule(variable, orders):
-    """Return the `Rule` of a step of length 1 in u, with the integrals of these orders."""
+    """Return the `Rule` of a first step of length 1, with fractional integrals of these orders."""
     u, looks = radau_nodes(variable.n), check_points_of(variable.n)
     logs, logs_of_looks = variable.logs(u), variable.logs(looks)
     integrals = np.exp(np.multiply.outer(orders, logs))[..., None] * means(variable, orders, logs)
     seen = np.exp(logs_of_looks)[:, None] * means(variable, (1.0,), logs_of_looks)[0]
-    unused = np.full((variable.n, variable.n), np.nan)  # equations with p' begin otherwise
+    unused = np.full((variable.n, variable.n), np.nan)  # equations with p' begin with tiny steps
     parts = np.exp(logs), integrals, to_legendre(variable.n), unused, np.exp(logs_of_looks), seen
     looked = functions(variable, logs_of_looks)
     return Rule(*(np.array(part, order="C") for part in (*parts, looked)))
@@ -105,7 +112,7 @@ def means(variable, orders, logs):
     # the last weight is the integral over the width that the rule leaves out
     weights = rgamma(a) * np.hstack([rule * v ** (a - 1), LEFT_OUT**a / a])
     points = np.append(np.log(points), 0.0)
-    if variable.c == 0.0:  # u is a product, so that the nodes are a rule for all times
+    if variable.c == 0.0:  # u of a product of times is a product: one rule on the nodes suffices
         weights = weights @ functions(variable, points)
         points = variable.logs(radau_nodes(variable.n))
     within = np.add.outer(logs, points)
@@ -114,14 +121,15 @@ def means(variable, orders, logs):
 
 @lru_cache(maxsize=64)
 def means_at_nodes(variable):
-    """Return the means of the polynomials from the start to each node, (n, n)."""
+    """Return the means of the n Lagrange polynomials from the start to each node, (n, n)."""
     return means(variable, (1.0,), variable.logs(radau_nodes(variable.n)))[0]
 
 
 def convolutions(variable, kernel, h):
-    """Return the convolutions with a kernel K, in a step of length h, at the nodes; (n, n).
+    """Return the matrix of the convolution with a kernel K in a step of length h, (n, n).
 
-    Row i is ``int_0^(h t_i) K(h t_i - s) q(s) ds`` from the values of q(h .) at the nodes.
+    Row i gives ``int_0^(h t_i) K(h t_i - s) q(s) ds`` from the values of q at the times h t_j of
+    the n nodes.
     """
     points, v, weights = graded_rule()
     logs = variable.logs(radau_nodes(variable.n))
@@ -142,7 +150,10 @@ def at_rule(variable):
 
 @lru_cache(maxsize=1)
 def graded_rule():
-    """Return points u, 1 - u and weights on [0, 1] for integrands singular at both ends."""
+    """Return a quadrature rule on [0, 1] for integrands that are singular at both ends.
+
+    The results are the points x, the values 1 - x without cancellation, and the weights.
+    """
     x, w = leggauss(16)
     ends = np.concatenate([[LEFT_OUT], 0.5 * 0.25 ** np.arange(25, -1, -1)])
     widths = np.diff(ends)[:, None]

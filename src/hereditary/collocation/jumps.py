@@ -1,7 +1,9 @@
 """Jumps of a solution whose highest derivative is convolved with bounded kernels alone.
 
-Where p is found from ``sum_k c_k int K_k p' ds + ... = f`` and every K_k(0) is finite, nothing
-keeps p continuous. At t = 0, and wherever f jumps, p jumps until the equation holds again.
+The primary unknown p is y, or y' for orders above 1. If p follows from
+``sum_k c_k int K_k p' ds + ... = f`` and every K_k(0) is finite, p need not be continuous. It jumps
+at t = 0, and at each jump of f, so that the equation holds. The shapes below have d components and
+k tangents.
 """
 
 import numpy as np
@@ -17,10 +19,10 @@ _GOAL = 1e-14
 
 
 def jump(system, form, orbit, t, counts):
-    """Solve for the jump of p at time t that restores the equation, and apply it.
+    """Solve for the jump of p at time t after which the equation holds, and apply it to the orbit.
 
-    The equation held before: its terms equal the right-hand side just before t or, at t = 0,
-    consist of p alone. Returns whether Newton's method converged.
+    Just before t > 0 the terms of the equation equal the right-hand side. At t = 0 they consist of
+    the terms of p itself. Returns whether Newton's method converged.
     """
     stiffness, coefficients_of_p = _stiffness(form), _coefficients_of_p(form)
     free = (form.implicit == 1) & np.isfinite(stiffness) & (stiffness != 0)
@@ -55,7 +57,7 @@ def _forces(system, t, x, counts):
 
 
 def _stiffness(form):
-    """Return ``sum_k c_k K_k(0)`` over terms with p', infinite for singular kernels; (d,)."""
+    """Return ``sum_k c_k K_k(0)`` over the terms with p', (d,); infinite for singular kernels."""
     d, n_a = form.second.size, form.orders.size
     total = np.zeros(d)
     for c, q, k, coefficient in form.listed:
@@ -70,7 +72,7 @@ def _stiffness(form):
 
 
 def _coefficients_of_p(form):
-    """Return the coefficients of p itself among the terms, (d,)."""
+    """Return the sum of the coefficients of terms that are p itself, (d,)."""
     d = form.second.size
     total = np.zeros(d)
     for c, q, k, coefficient in form.listed:

@@ -12,25 +12,26 @@ from ..support.checks import count, positive, refuse, within
 
 @dataclass(frozen=True)
 class Collocation(Scheme):
-    """Spectral collocation at Radau points with steps chosen by the tolerance.
+    """Spectral collocation at Radau points, with steps that keep the tolerance.
 
-    It solves every `Equation`: any number of terms and components, with orders in (0, 2] that may
-    differ between components, and classical terms. On every step the right-hand side is a
-    polynomial through its values at s nodes; if lower terms need it, the unknown is one too. Their
-    fractional integrals over the step are exact. The history is a sum of exponential modes,
-    advanced by exact moments. On the first step after t = 0 and after a jump, the polynomials are
-    in a power of t.
+    The scheme solves every `Equation`: any number of terms and components, with orders in (0, 2]
+    that may differ between components, and classical terms. On every step the right-hand side is a
+    polynomial through its values at s nodes. The unknown is a polynomial too if lower terms need
+    it. The fractional integrals of these polynomials over the step are exact. The history is a sum
+    of exponential modes, advanced by exact moments. On the first step after t = 0 and after a jump,
+    the polynomials are in a power of t.
 
     If terms with general kernels or varying orders contain a component's highest derivative, a step
-    solves the equation itself. There, and if any order varies, a run starts with very short
-    ordinary steps, at 0 and at jumps. Such orders must exceed the integer below by at least 0.05.
+    solves the equation itself and not its integral. For such equations, and if any order varies, a
+    run begins with very short ordinary steps, at 0 and at jumps. Varying orders must exceed the
+    integer below by at least 0.05.
 
     Parameters
     ----------
     nodes : int, optional
         Number s of nodes in a step, 2 to 12.
     horizon : float, optional
-        Time up to which a run may be resumed, if that exceeds ten times its first length [time].
+        Time up to which a run may be resumed, if later than ten times the first run's end [time].
 
     Error
     -----
@@ -39,12 +40,12 @@ class Collocation(Scheme):
 
     Stability
     ---------
-    No step limit was found for orders up to 2 (docs/stability.md); implicit.
+    The scheme is implicit. No step limit was found for orders up to 2 (docs/stability.md).
 
     Cost
     ----
-    One to three Newton iterations in a step, each with s evaluations of the right-hand side, and
-    (modes) x s multiplications. If orders vary, a step also takes 0.2 ms of Python.
+    A step takes one to three Newton iterations, each with s evaluations of the right-hand side. It
+    also takes (modes) x s multiplications. If orders vary, a step takes 0.2 ms of Python as well.
 
     Source
     ------
@@ -80,8 +81,8 @@ class Collocation(Scheme):
         alpha : float
             Highest order of the equation, 0 < alpha <= 2 [-].
         smoothness : {"smooth", "singular"}
-            Smooth solution at 0, or one that behaves as t**alpha there; both have the same order,
-            since the first step resolves such powers.
+            Whether the solution is smooth at t = 0, or behaves as t**alpha there. The order is the
+            same, because the first step resolves such powers.
         """
         alpha = within("alpha", alpha, 5e-324, 2.0, "(0, 2]")
         check_smoothness(smoothness)

@@ -1,4 +1,4 @@
-"""Tolerances as the arguments of a run say them, and the stepper that keeps them."""
+"""Checks of the tolerances that a user passes, and the start of an adaptive stepper."""
 
 import numpy as np
 
@@ -56,7 +56,10 @@ def _check_end(t_end, system):
 
 
 def open_adaptive(system, scheme, how, t_end, state, allow_change, directions):
-    """Return an `AdaptiveStepper` at the start of a run, or at a state, and t_end."""
+    """Return an `AdaptiveStepper` at the start of a run, or at `state` if one is given; and t_end.
+
+    `how` is the `Tolerance` of the run. `directions` are those of the tangents' initial values.
+    """
     if state is None:
         check_start(system, how.rtol, how.atol)
     stepper = AdaptiveStepper(system, scheme, t_end, how, directions)

@@ -1,4 +1,9 @@
-"""Matrices of a collocation step, from nodal values to the rows of its equations."""
+"""Matrices of a collocation step, from nodal values to the rows of its equations.
+
+Row c < d is p of component c, row d + c the terms subtracted from its right-hand side f. The
+primary unknown p is y, or y' for orders above 1. Components of one kind have the same terms and
+share their matrices. Letters of shapes: d components, s nodes, R = d or 2 d rows, k tangents.
+"""
 
 import numpy as np
 
@@ -6,7 +11,7 @@ from ..compiled.jit import inner
 from ..compiled.linalg import clear_matrix
 from .structures import Operators
 
-# Numbers of the integrands.
+# Numbers of the integrands f, p, y and p', of convolution terms and of arrays of nodal values.
 FORCE = 0  # f
 PRIMARY = 1  # p
 POSITION = 2  # y
@@ -19,11 +24,11 @@ ITSELF = -1
 def assemble_operators(h, equations, rule, local, operators):
     """Assemble the matrices from nodal values to all rows for a step of length h.
 
-    Row c < d gives p of component c; row d + c holds the terms subtracted from its right-hand side.
-    Components of one kind share their matrices. The integrand p' is the derivative of the
-    polynomial through p at the start and at the nodes.
+    `local` (n_k, s, s) are the convolutions with n_k general kernels and varying orders over this
+    step. The integrand p' is the derivative of the polynomial through p at the start and at the
+    nodes.
     """
-    # integrals (n_a, s, s), inverse (s, s) of the last of these, local (n_k, s, s)
+    # integrals (n_a, s, s): of n_a fractional orders; inverse (s, s): of the integrals of order 1
     integrals, inverse, implicit = rule.integrals, rule.inverse, equations.implicit
     matrices, start_weights, constant = (
         operators.matrices, operators.start_weights, operators.constant
@@ -92,7 +97,7 @@ def set_columns(operators):
 
 @inner
 def first_of_kind(kinds, kind):
-    """Return the first component of a kind."""
+    """Return the number of the first component of a kind; kinds (d,)."""
     c = 0
     while kinds[c] != kind:
         c += 1
@@ -110,7 +115,7 @@ def any_offset(offsets, n):
 
 @inner
 def number_of(kinds):
-    """Return the number of kinds of components."""
+    """Return how many kinds of components there are; kinds (d,) has that of each component."""
     most = 0
     for c in range(kinds.shape[0]):
         most = max(most, kinds[c])
@@ -119,7 +124,11 @@ def number_of(kinds):
 
 @inner
 def set_implicit_row(n_kinds, c, matrices):
-    """Set row c to p plus the balance of right-hand side and terms, scaled to the units of p."""
+    """Set the row of p for an implicit kind: p plus right-hand side minus terms.
+
+    The difference is divided by the coefficient of p in the terms at the last node. c is the number
+    of the kind.
+    """
     s = matrices.shape[2]
     size = abs(matrices[n_kinds + c, PRIMARY, s - 1, s - 1])
     for i in range(s):
@@ -146,7 +155,7 @@ def subtract_matmul(left, right, out):
 
 @inner
 def eliminate_operators(n_kinds, matrices):
-    """Substitute the terms subtracted from the right-hand sides into the rows of p."""
+    """Insert the terms of rows d + c, which are subtracted from f, into the matrices of rows c."""
     for c in range(matrices.shape[0] - n_kinds):
         for q in (PRIMARY, POSITION):
             subtract_matmul(matrices[c, FORCE], matrices[n_kinds + c, q], matrices[c, q])
@@ -154,7 +163,7 @@ def eliminate_operators(n_kinds, matrices):
 
 @inner
 def eliminate_known(kinds, matrices, known):
-    """Substitute the known parts of rows d + c into those of the rows of p; known (1 + k, R, s)."""
+    """Insert the known parts of rows d + c into the known parts of rows c; known (1 + k, R, s)."""
     d = kinds.shape[0]
     for column in range(known.shape[0]):
         for c in range(known.shape[1] - d):
@@ -163,7 +172,11 @@ def eliminate_known(kinds, matrices, known):
 
 @inner
 def subtract_from_forces(kinds, matrices, known, values):
-    """Subtract the terms of rows d + c from f, given p and y at the nodes; values (k, 3, d, s)."""
+    """Subtract the terms of rows d + c from f at the nodes, for each column of orbit and tangents.
+
+    `values` (n_columns, n_q, d, s) are the integrands at the nodes; f in it is changed. `known`
+    (n_columns, R, s) is the known part of the rows.
+    """
     d, n_kinds = kinds.shape[0], number_of(kinds)
     for column in range(values.shape[0]):
         for c in range(known.shape[1] - d):
@@ -175,7 +188,7 @@ def subtract_from_forces(kinds, matrices, known, values):
 
 
 def empty_operators(n_columns, n_rows, kinds, s):
-    """Allocate the operators of a step."""
+    """Return uninitialised `Operators` for n_columns = 1 + k, n_rows = R, and a rule of s nodes."""
     n_kinds = n_rows // kinds.size * (int(kinds.max()) + 1)
     matrices = n_kinds, 3, s, s
     return Operators(

@@ -1,4 +1,8 @@
-"""Quadrature of collocation steps: Radau nodes, their polynomials, exact fractional integrals."""
+"""Quadrature of collocation steps: Radau nodes, their polynomials, exact fractional integrals.
+
+A step has s nodes. Node polynomial l_j is 1 at node j, 0 at the other nodes, of degree s - 1.
+``J**a`` is the fractional integral of order a from the start of the step, whose length is 1.
+"""
 
 from functools import lru_cache
 
@@ -38,7 +42,7 @@ def to_legendre(s):
 
 @lru_cache(maxsize=256)
 def radau_integrals(s, a):
-    """Return the integrals of order a of the node polynomials, from 0 to each node, (s, s)."""
+    """Return the integrals ``J**a l_j`` of the node polynomials at each node, (s, s)."""
     return _frozen(integrals_of_rows(s, np.full(s, a)))
 
 
@@ -49,7 +53,7 @@ def integrals_of_rows(s, a):
 
 
 def _towards(a):
-    """Return the weights that interpolate functions of the order to orders a, (..., 24)."""
+    """Return the weights, (..., 24), that interpolate from the 24 Chebyshev orders to orders a."""
     orders, barycentric = _chebyshev_orders()
     gaps = a[..., None] - orders
     coincides = gaps == 0.0
@@ -61,7 +65,7 @@ def _towards(a):
 
 @lru_cache(maxsize=1)
 def _chebyshev_orders():
-    """Return orders in [0, 1] and their barycentric weights."""
+    """Return the 24 Chebyshev orders in [0, 1], and their weights for barycentric interpolation."""
     k = np.arange(_N_ORDERS)
     orders = (1 - np.cos(np.pi * (k + 0.5) / _N_ORDERS)) / 2
     return _frozen(orders), _frozen((-1.0) ** k * np.sin(np.pi * (k + 0.5) / _N_ORDERS))
@@ -69,7 +73,7 @@ def _chebyshev_orders():
 
 @lru_cache(maxsize=16)
 def _tabulated(s):
-    """Return ``J**a / t**a`` of the node polynomials at the nodes, at 24 orders a, (24, s, s)."""
+    """Return ``J**a l_j / t**a`` at the nodes t for the 24 Chebyshev orders a, (24, s, s)."""
     nodes = radau_nodes(s)
     orders, _ = _chebyshev_orders()
     means = [polynomial_integrals(s, a, nodes) / nodes[:, None] ** a for a in orders]
@@ -78,7 +82,7 @@ def _tabulated(s):
 
 @lru_cache(maxsize=256)
 def rule_of(s, orders):
-    """Return the `Rule` of s nodes with the integrals of these orders, the last of which is 1."""
+    """Return the `Rule` of s nodes with fractional integrals of these orders; the last one is 1."""
     singular = integrals_of_rows(s, np.repeat(np.array(orders)[:, None], s, axis=1))
     matrices = radau_nodes(s), singular, to_legendre(s), _slopes(s)
     return Rule(*(np.array(part) for part in (*matrices, *check_points(s))))
@@ -91,10 +95,11 @@ def _slopes(s):
 
 
 def polynomial_integrals(s, a, ends):
-    """Return ``J**a l_j`` at `ends` in [0, 1], (k, s), for the node polynomials l_j.
+    """Return ``J**a l_j`` at k points `ends` in [0, 1], (k, s), for the node polynomials l_j.
 
-    By parts, ``J**a l(c) = c**a / Gamma(a+1) (l(0) + int_0^1 (1-u)**a c l'(c u) du)``: the
-    remaining weight is bounded also as a tends to 0, and the Gauss-Jacobi rule is exact.
+    Integration by parts gives
+    ``J**a l(c) = c**a / Gamma(a+1) (l(0) + int_0^1 (1-u)**a c l'(c u) du)``. The weight (1-u)**a is
+    bounded also as a tends to 0, and the Gauss-Jacobi rule is exact.
     """
     coefficients = to_legendre(s)
     slopes = 2 * leg.legder(coefficients, axis=0)
@@ -110,9 +115,9 @@ def polynomial_integrals(s, a, ends):
 
 @lru_cache(maxsize=16)
 def shortened_legendre(s):
-    """Return the matrices from values of q at the nodes to Legendre coefficients of u -> q(c_i u).
+    """Return matrices from values of q at the nodes c_i to Legendre coefficients of u -> q(c_i u).
 
-    The shape is (s, s, s), the first axis being the node i.
+    The shape is (s, s, s); the first axis is that of node i.
     """
     nodes, transform = radau_nodes(s), to_legendre(s)
     return np.array(
@@ -145,11 +150,11 @@ def check_points(s):
     Returns
     -------
     points : ndarray, shape (2 + s,)
-        The start, the middle between the last but two nodes and the last but one, and s more.
+        The start, the midpoint of the last node but two and the last but one, and s more points.
     integrals : ndarray, shape (2 + s, s)
-        From values at the nodes to the integral of their polynomial from the start.
+        Matrix from nodal values to the integral of their polynomial from the start to each point.
     values_there : ndarray, shape (2 + s, s)
-        From values at the nodes to values of their polynomial.
+        Matrix from nodal values to the values of their polynomial at each point.
     """
     points = check_points_of(s)
     values_there = leg.legvander(2 * points - 1, s - 1) @ to_legendre(s)
@@ -158,7 +163,10 @@ def check_points(s):
 
 
 def legendre_values(x, degree):
-    """Return the Legendre polynomials up to this degree at x (n,), exact at -1 and 1; (., n)."""
+    """Return the Legendre polynomials P_0 .. P_degree at x (n,), shape (degree + 1, n).
+
+    They are exact at x = -1 and x = 1.
+    """
     values = np.ones((degree + 1, x.size))
     values[1:2] = x
     for k in range(2, degree + 1):

@@ -1,4 +1,8 @@
-"""Lengths and variables of the step that begins where the solution is not smooth."""
+"""Trial lengths and variables of the first step after a start at which the solution is not smooth.
+
+A *generator* is a number g of `Form.generators`: the exponents of time in the solution after the
+start are sums of generators.
+"""
 
 import math
 
@@ -25,7 +29,7 @@ _OF_LARGEST = 0.01
 
 
 def trials(system, form, orbit, t, left, longest, least, counts, units):
-    """Yield the lengths to be tried for a step from t on, and the variable of each.
+    """Yield pairs of a trial length and a `Variable` for the first step from t.
 
     Parameters
     ----------
@@ -33,10 +37,11 @@ def trials(system, form, orbit, t, left, longest, least, counts, units):
     form : Form
     orbit : OrbitAndTangents
     t, left, longest, least : float
-        Start, time to the next stop, longest step, and length that steps have to exceed.
+        Start, time to the next stop, longest step, and length that every step must exceed.
     counts : record of `COUNTS`
+        Its number of calls of the right-hand side is increased.
     units : ndarray, shape (d,)
-        Units of the components.
+        Sizes of the components, for the increments of difference quotients of f.
     """
     counts["rhs"] += 1
     just_after = system.beside(t, 1) if t > 0 else 0.0

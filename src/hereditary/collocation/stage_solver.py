@@ -38,7 +38,7 @@ class StageSolver(NamedTuple):
 
 
 def has_stages(form):
-    """Return whether steps of these equations keep the factors of one Jacobian for all stages.
+    """Return whether steps of these equations reuse the factors of one Jacobian for all stages.
 
     This needs many components: for few, a factorisation takes no longer than a solution.
     """
@@ -46,7 +46,7 @@ def has_stages(form):
 
 
 def stage_solver(structure, form, s):
-    """Return the `StageSolver` of steps with s nodes."""
+    """Return the `StageSolver` of steps with s nodes, for the equations `form`."""
     few = not has_stages(form)
     eigenvectors = 0 if few or form.kinds.any() else lapack_address("dgeev")
     if eigenvectors == 0:

@@ -1,7 +1,8 @@
-"""Orders that vary: their modes, and the tables of one step.
+"""Varying orders: their exponential modes, and the tables of one step.
 
-Their weights depend on the order at the time to which a step integrates, so their modes are stored
-without weights. A step reads them by tables that are filled before it.
+The weights of the modes depend on the order at the time to which a step integrates. So the modes
+are stored without weights, and Python fills tables of the weights before each step. Letters of
+shapes: M modes, s nodes of a step, n_v varying orders.
 """
 
 import numpy as np
@@ -17,13 +18,13 @@ from .structures import TABULATED, VaryingOrders
 
 
 class VaryingBasis(GridBasis):
-    """Rates for power laws of every order a in [0, 1] between two distances.
+    """Rates of exponentials for the kernels of all orders a in [0, 1] between two time lags.
 
-    The few slowest ones come first.
+    The kernels are ``t**(a-1) / Gamma(a)``. The `SLOW_NODES` slowest rates come first.
     """
 
     def weights(self, orders: np.ndarray) -> np.ndarray:
-        """Return the weights for the kernels of orders a, (k,); shape (M, k)."""
+        """Return the weights of the exponentials for kernels of the k orders a; shape (M, k)."""
         ratio = self.farthest / self.closest
         found = _slow_first(weights_of_orders(1 - orders, ratio, self.tol))
         return found * self.closest ** (orders - 1) * rgamma(orders)
@@ -36,15 +37,15 @@ NOTHING_VARIES = VaryingBasis(0.0, np.inf, 0.0, np.zeros(0), np.inf)
 
 
 def varying_basis(closest: float, farthest: float, tol: float) -> VaryingBasis:
-    """Return the rates for power laws of every order between two distances."""
+    """Return the rates for the kernels of all orders in [0, 1] between two time lags."""
     rates, spacing, _ = bank_of_all_orders(farthest / closest, tol)
     return VaryingBasis(closest, farthest, tol, _slow_first(rates) / closest, spacing)
 
 
 def _slow_first(rows):
-    """Move the slowest rates, a fixed number, from the end to the front.
+    """Return rows with those of the `SLOW_NODES` slowest rates moved from the end to the front.
 
-    The rates of the grid are last, because a refinement adds to them.
+    The rates of the grid then come last, because a refinement adds faster rates after them.
     """
     return np.concatenate([rows[-SLOW_NODES:], rows[:-SLOW_NODES]])
 
@@ -56,15 +57,16 @@ class OrderTables:
     ----------
     varying : tuple of VaryingOrder
     s : int
-        Nodes of a step.
+        Number of nodes of a step.
 
     Attributes
     ----------
     tabulated : record of `TABULATED`
-        Start, since the origin, and length of the step that the tables hold for, and of the step
-        that is requested.
+        Start and length of the step that the tables are valid for, and of the step for which the
+        march requests tables. Starts are times since the origin.
     integrals : ndarray, shape (n_v, s, s)
-        Row i integrates values at the nodes over the step, with the order at node i.
+        Row i integrates values at the nodes from the start of the step to node i, with the order
+        at node i.
     weights : ndarray, shape (n_v, M, s)
         Weights of the modes with the order at each node.
     """
@@ -80,7 +82,10 @@ class OrderTables:
         self.tabulated["start"] = self.tabulated["length"] = np.nan
 
     def compiled(self, of_varying):
-        """Return the tables for compiled code, whose modes are marked by `of_varying` (M,)."""
+        """Return the tables as `VaryingOrders` for compiled code.
+
+        `of_varying` (M,) is 1 for the modes of varying orders, 0 for others.
+        """
         if self.weights.shape[1] != of_varying.size:
             self.clear()
             self.weights = np.zeros((len(self.weights), of_varying.size, self._nodes.size))
