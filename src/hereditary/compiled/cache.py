@@ -13,17 +13,16 @@ import numba
 
 from .numba_internals import CHOSEN_PROCESSOR, STORED, Entries, Shipped, processor
 
-# Folder of the machine code that came with the package.
+# Folder of the machine code that is shipped with the package.
 SHIPPED = Path(__file__).parent.parent / "machine_code"
-# File in this folder with the target of the code.
+# Name of the file in that folder that states the target of the code, as JSON.
 _MADE_FOR = "made_for.json"
 
 
 class Target(NamedTuple):
-    """The machine that code is compiled for.
+    """Target of machine code: numba's version, and the system and processor as LLVM names them.
 
-    `numba` is a version. `system` and `processor` are LLVM's names. `features` are those of the
-    processor, such as "+avx2,-avx512f".
+    `features` are those of the processor, such as "+avx2,-avx512f".
     """
 
     numba: str
@@ -32,10 +31,10 @@ class Target(NamedTuple):
     features: str
 
     def fits(self, host):
-        """Return whether code compiled for this target runs on a host, which is a target too.
+        """Return whether code that is made for this target runs on a host, which is a target too.
 
-        Versions of numba that differ in the last number alone accept each other's code. If the user
-        has chosen a processor, the code must be for that processor.
+        Code fits any version of numba with the same first two numbers. If the user chose a
+        processor for numba, the code must be made for that processor.
         """
         needed = {name for name in self.features.split(",") if name.startswith("+")}
         return (
@@ -52,7 +51,7 @@ def _target_here():
 
 
 def note_target(folder):
-    """Write into a folder of machine code, compiled in this process, what target it is for."""
+    """Write the target of this process into a folder of machine code that this process has made."""
     Path(folder, _MADE_FOR).write_text(json.dumps(_target_here()._asdict(), indent=1))
 
 
@@ -68,9 +67,10 @@ def _shipped_for():
 
 @cache
 def _digest(room):
-    """Return a digest of the files of a room that are compiled, as they are at the first call.
+    """Return a digest of the files with compiled functions in a subpackage or a module.
 
-    All files of `compiled` are included.
+    Files are read at the first call for each `room`, the name of the subpackage. In `compiled` all
+    files count; elsewhere those that import compiled/jit.py.
     """
     found, package = hashlib.sha256(), Path(__file__).parents[1]
     for path in sorted([*package.glob(f"{room}.py"), *package.glob(f"{room}/**/*.py")]):
@@ -158,7 +158,10 @@ class CodeCache:
 
     @cached_property
     def _entries(self):
-        """Open the entries on disk; return None if the cache has no folder."""
+        """Return the function's entries in the user's cache; None if it is not to be stored.
+
+        It is None, too, if the cache cannot be written.
+        """
         try:
             return Entries(self._fun, self._options, self._stamp) if self._stored else None
         except (RuntimeError, OSError, AttributeError) as error:

@@ -1,4 +1,8 @@
-"""Calls by address: C functions that enter Python and pass on exceptions, and LAPACK."""
+"""Compiled calls of functions by their address: C functions that enter Python, and LAPACK's.
+
+An exception in Python cannot pass through compiled code. It is stored for the thread, and compiled
+code raises `PythonRaised` instead.
+"""
 
 import ctypes
 import threading
@@ -19,17 +23,17 @@ class PythonRaised(Exception):
 
     def __init__(self):
         super().__init__("a function that is called in Python raised")
-        # numba may create the exception more than once
+        # the stored exception is not removed, because numba may construct this one several times
         self.__cause__ = vars(_raised).get("error")
 
 
 def keep_raised(error):
-    """Store an exception, for the `PythonRaised` that compiled code will raise."""
+    """Store an exception of this thread as the cause of the next `PythonRaised`."""
     _raised.error = error
 
 
 def original(error):
-    """Return the exception of the user's function behind `error`."""
+    """Return the exception of a user's function: the cause of a `PythonRaised`, else `error`."""
     vars(_raised).clear()
     return error.__cause__ if isinstance(error, PythonRaised) else error
 
@@ -81,7 +85,7 @@ def call_lapack(typing_context, address, arguments):
 
 
 def lapack_address(name):
-    """Return the address of a function of LAPACK; 0 if compilation is off."""
+    """Return the address of the function `name` of LAPACK; 0 if numba compiles nothing."""
     if config.DISABLE_JIT:
         return 0
     return get_cython_function_address("scipy.linalg.cython_lapack", name)

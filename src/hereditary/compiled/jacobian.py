@@ -12,10 +12,11 @@ from .jit import F8, JAC_SIG, MAT, VEC, as_value, compiled, entry, inner, plug_i
 from .linalg import dot
 from .signatures import JACOBIAN_SIG, RIGHT_SIDE, RightSide, UserFunctions
 
-# Most components of a system whose Jacobian is always dense: so few gain nothing from a structure.
+# Largest number of components for which the Jacobian is dense even if the user states a pattern: a
+# sparse one would save nothing.
 FEW = 9
-# Step of central differences, relative to the unit of a component: the cube root of the rounding
-# unit. The relative error is then 4e-11.
+# Step of central differences relative to a component or its unit: the cube root of the rounding
+# unit, where truncation and rounding add up to the least error, about 4e-11 relative.
 _STEP = 6.055454452393343e-06
 # Least unit of a component, and least tolerance: smaller numbers lose digits by underflow. With ten
 # times this value no run changes, not even one from y(0) = 1e-190.
@@ -34,7 +35,7 @@ def is_sparse(j_f, n):
 
 @inner
 def finite_between(d, up, down):
-    """Return whether both sets of d values, from which differences are formed, are finite."""
+    """Return whether `up - down` is finite in all of the first d entries."""
     finite = True
     for i in range(d):
         finite = finite and abs(up[i] - down[i]) < np.inf
@@ -43,9 +44,9 @@ def finite_between(d, up, down):
 
 @inner(allocates=True)
 def extend(rhs, t, y, params, up, down):
-    """If f is infinite on one side of y, replace it there by linear extrapolation.
+    """Replace values of f that are not finite by linear extrapolation from the other side of y.
 
-    up, down (>= d,) are values of f at equal distances from y (d,).
+    `up` and `down` are the values of f at equal distances above and below y (d,).
     """
     middle = np.empty(y.shape[0])
     rhs(t, y, middle, params)
@@ -82,12 +83,12 @@ def magnitudes(j_f, x, out):
 
 @compiled
 def no_jacobian(t, y, out, params):
-    """Do nothing: stands for a Jacobian that is not given."""
+    """Do nothing: the field `jac` of an equation whose Jacobian comes from differences."""
 
 
 @plug_in
 def given_jacobian(functions, t, y, units, out):
-    """Set the Jacobian by the function of the user."""
+    """Set `out` to the Jacobian by the user's function; return 0, the number of calls of `rhs`."""
     functions.jac(t, y, out, functions.params)
     return 0
 
@@ -96,7 +97,7 @@ def given_jacobian(functions, t, y, units, out):
 def dense_jacobian(functions, t, y, units, out):
     """Set a dense Jacobian by central differences; return the number of calls of `rhs`.
 
-    Differences are one-sided if f is finite on one side alone.
+    If f is finite on one side of y only, the differences are one-sided.
     """
     rhs, params, d, calls = functions.rhs, functions.params, y.shape[0], 2 * y.shape[0]
     up, down, shifted = np.empty(d), np.empty(d), np.empty(d)
@@ -121,9 +122,9 @@ def dense_jacobian(functions, t, y, units, out):
 
 @plug_in
 def sparse_jacobian(functions, t, y, units, out):
-    """Set the entries of a sparse Jacobian by differences, one group of columns at a time.
+    """Set the values of a sparse Jacobian by central differences.
 
-    Return the number of calls of `rhs`.
+    All columns of one group are shifted at once. Returns the number of calls of `rhs`.
     """
     rhs, params = functions.rhs, functions.params
     up, down, shifted = np.empty(y.shape[0]), np.empty(y.shape[0]), np.empty(y.shape[0])
@@ -180,7 +181,7 @@ def add_derivative_by(k, functions, t, y, out):
 
 
 def right_side(rhs, jac, params, sparse, by_params=0):
-    """Return the `RightSide` of compiled functions, with differences if no Jacobian is given."""
+    """Return the `RightSide` of compiled functions, with differences if `jac` is None."""
     by_differences = sparse_jacobian if sparse else dense_jacobian
     how = as_value(by_differences if jac is None else given_jacobian, JACOBIAN_SIG)
     jac = as_value(no_jacobian, JAC_SIG) if jac is None else jac
@@ -189,13 +190,13 @@ def right_side(rhs, jac, params, sparse, by_params=0):
 
 @entry(RIGHT_SIDE, F8, VEC, VEC, MAT)
 def jacobian_at(right, t, y, units, out):
-    """Set the Jacobian at (t, y); this is the entry for Python."""
+    """Set `out` to the Jacobian at (t, y); this is the entry for Python."""
     right.jacobian(right.user, t, y, units, out)
 
 
 @entry(RIGHT_SIDE, F8, VEC, MAT)
 def derivatives_by_parameters(right, t, y, out):
-    """Set the derivatives of f by the first parameters, out (p, d); the entry for Python."""
+    """Set row k of `out` (p, d) to the derivative of f by parameter k; the entry for Python."""
     out[:] = 0.0
     for k in range(out.shape[0]):
         add_derivative_by(k, right.user, t, y, out[k])

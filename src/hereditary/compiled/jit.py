@@ -184,7 +184,10 @@ def inner(fun=None, *, allocates=False, fuses=False, reorders=False):
 
 
 def _refuse_arrays(result):
-    """Refuse a function without reference counts that returns an array, which callers release."""
+    """Raise TypeError if a function without reference counting returns an array.
+
+    Its callers would release an array that the function has not counted.
+    """
     returned: list[Any] = [result.signature.return_type]
     for kind in returned:  # the loop appends to this list
         if isinstance(kind, types.BaseTuple):
@@ -208,7 +211,11 @@ def _counting(allocates):
 
 
 def as_value(fun, signature):
-    """Compile a function for the only signature of a field of a record."""
+    """Return `fun` compiled for one signature, as the value of a field of a record.
+
+    The result has the address of the machine code as its attribute `address`. TypeError if the
+    function returns another type than the signature has.
+    """
     known = getattr(fun, "of_signature", None)
     if config.DISABLE_JIT or known is signature or known == signature:  # a comparison takes 2 us
         return fun
@@ -224,7 +231,7 @@ def as_value(fun, signature):
 
 
 def loop_value(loop, signature):
-    """Return an `entry` as a function value, for a field of a record."""
+    """Return the loop of an `entry`, compiled, as the value of a field of a record."""
     if config.DISABLE_JIT:
         return loop
     loop.compiled()
@@ -236,10 +243,11 @@ def _as_argument(value, kind):
 
 
 class entry:
-    """Decorate a top-level loop: it is compiled for `argtypes` at the first call, and then locked.
+    """Decorator of a top-level loop: compiled at the first call for `argtypes` only.
 
-    `announced` is the name of a loop whose compilation takes seconds. In loops that make no arrays
-    numba counts no references, which would take a fifth of the time of a step.
+    `announced` names the loop in a message if its compilation takes seconds. If `allocates` is
+    False, the loop makes no arrays, and numba counts no references. Counting would take a fifth of
+    the time of its steps.
     """
 
     def __init__(self, *argtypes, announced=None, allocates=True):

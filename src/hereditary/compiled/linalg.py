@@ -1,4 +1,4 @@
-"""Dense linear algebra for compiled code: elimination by loops, by LAPACK if large."""
+"""Dense linear algebra for compiled code: elimination by loops, or by LAPACK if n is large."""
 
 import importlib
 
@@ -64,7 +64,7 @@ _ALONE = 2e5
 def solve_in_place(a, b):
     """Solve a x = b by elimination with partial pivoting; x replaces b, and a is overwritten.
 
-    Return False if a pivot is 0 or not finite.
+    Returns False if a pivot is 0 or NaN.
     """
     # shapes for d unknowns: a (d, d), b (d,)
     d = b.shape[0]
@@ -93,9 +93,9 @@ def solve_in_place(a, b):
 
 @inner
 def factorise(a, order):
-    """Factorise a in place, LU with partial pivoting; set `order` to the order of rows.
+    """Replace a by its LU factors, with partial pivoting; row i of L U is row `order[i]` of a.
 
-    Return False if a pivot is 0 or not finite.
+    Returns False if a pivot is 0 or not finite.
     """
     # shapes for n unknowns: a (n, n), order (n,)
     n = a.shape[0]
@@ -118,7 +118,10 @@ def factorise(a, order):
 
 @inner
 def factorise_columns(a, order, first, last):
-    """Factorise some columns of a, exchanging whole rows; False if a pivot is 0 or not finite."""
+    """Factorise the columns from `first` to before `last`, with exchanges of whole rows.
+
+    Returns False if a pivot is 0 or not finite.
+    """
     n = a.shape[0]
     for j in range(first, last):
         pivot = j
@@ -141,7 +144,10 @@ def factorise_columns(a, order, first, last):
 
 @inner
 def subtract_rows(a, first, last):
-    """Subtract multiples of _PANEL rows from all later rows at once, to store these less often."""
+    """Eliminate _PANEL columns from the rows from `last` on.
+
+    Multiples of _PANEL pivot rows are subtracted at once, so that each row is stored only once.
+    """
     b, c, d, e = a[first, last:], a[first + 1, last:], a[first + 2, last:], a[first + 3, last:]
     for i in range(last, a.shape[0]):
         row, of_b, of_c = a[i, last:], a[i, first], a[i, first + 1]
@@ -172,7 +178,7 @@ def factorise_large(a, order, lapack):
 
 
 def address_of_factors(n):
-    """Return the address for `factorise_large`; 0 for sizes that LAPACK does not make faster."""
+    """Return the address of LAPACK's dgetrf; 0 if n unknowns take less time without LAPACK."""
     return lapack_address("dgetrf") if n >= _LAPACK else 0
 
 
@@ -186,10 +192,10 @@ def transpose(a):
 
 @inner(allocates=True)
 def product(a, b, out):
-    """Set out = a b, by blocks of rows so small that BLAS uses no threads.
+    """Set out = a b, by blocks of rows for which BLAS uses no threads.
 
-    Threads gain little for these sizes. If other threads occupy the cores, BLAS waits for
-    milliseconds.
+    Threads gain little for such matrices, and BLAS waits milliseconds for them if the cores are
+    busy.
     """
     # shapes: a (m, k), b (k, n), out (m, n)
     rows = max(1, int(_ALONE / max(1, b.size)))
@@ -199,8 +205,8 @@ def product(a, b, out):
 
 @inner(allocates=True)
 def transposed_product(a, b, out):
-    """Set out = a^T b, by blocks as `product` does."""
-    # a (k, m), b (k, n), out (m, n)
+    """Set out = a^T b, by blocks of rows for which BLAS uses no threads, as `product` does."""
+    # shapes: a (k, m), b (k, n), out (m, n)
     rows, part = max(1, int(_ALONE / max(1, out.size))), np.empty(out.shape)
     out[:] = 0.0
     for first in range(0, a.shape[0], rows):
@@ -242,7 +248,7 @@ def substitute(factors, order, b, x):
 
 @compiled
 def no_solver(task, number, matrix, x, linear):
-    """Do nothing: stands for a linear solver that is not needed."""
+    """Do nothing and return 1, failure: the solver of a run that needs none."""
     return 1
 
 
@@ -290,9 +296,10 @@ def add_rows(out, factors, rows):
 
 @inner
 def multiply_modes(modes, factors, n_real, out):
-    """Set out to modes times factors, with the order of modes of kernels/mode_bank.py.
+    """Set out to the product of modes and factors, mode by mode.
 
-    First come the real numbers, then the real and then the imaginary parts of complex ones.
+    Each array has first `n_real` real numbers, then the real parts of the complex numbers, then
+    their imaginary parts, as in kernels/mode_bank.py.
     """
     # all arrays have the shape (M,); out may be modes or factors itself
     for i in range(n_real):
@@ -312,7 +319,10 @@ _RESTARTS = 300
 
 
 def eigenvalues(matrix):
-    """Return the eigenvalues of a matrix; of a very large matrix only those of largest modulus."""
+    """Return all eigenvalues of a matrix, or those of largest modulus beyond 200 rows.
+
+    If ARPACK finds none of a large matrix, the result is one upper bound of their moduli.
+    """
     if matrix.shape[0] <= _VERY_MANY:
         return np.linalg.eigvals(matrix if isinstance(matrix, np.ndarray) else matrix.toarray())
     arpack = importlib.import_module("scipy.sparse.linalg")  # a slow import

@@ -46,7 +46,7 @@ class Inner(_Dispatcher):
         return self.py_func(*args)
 
     def get_call_template(self, args, kws):
-        """Compile once for the types of arguments, also if callers pass constants."""
+        """Return the template of a call, the same for all constants that callers pass."""
         return super().get_call_template([*map(types.unliteral, args)], kws)
 
 
@@ -65,7 +65,7 @@ class _LinkedCompiler(_Compiler):
 
 
 class _LinkedLibrary(_Library):
-    """Code that is not optimised as a whole, has no machine code and no environment."""
+    """LLVM code of a function without machine code and without numba's environment object."""
 
     codegen = SimpleNamespace(set_env=lambda name, environment: None)
 
@@ -84,9 +84,9 @@ class _LinkedLibrary(_Library):
 
 
 class Entries(_FunctionCache):
-    """Machine code of one function in the user's cache.
+    """Machine code of one function in the user's cache, for one set of options.
 
-    It is valid for one digest of sources, `stamp`, and one set of options.
+    Code of another `stamp`, a digest of the sources, is invalid.
     """
 
     def __init__(self, fun, options, stamp):
@@ -99,9 +99,10 @@ class Entries(_FunctionCache):
 
 
 class Shipped:
-    """Machine code of one function in a read-only folder, made by `version` of numba.
+    """Machine code of one function in a read-only folder.
 
-    `made_for` is what `processor` returned where the code was made.
+    `version` is the version of numba that made the code. `made_for` is what `processor` returned on
+    the machine that made it.
     """
 
     def __init__(self, folder, fun, options, stamp, version, made_for):
@@ -128,14 +129,14 @@ def processor():
 
 
 def _name_of(fun):
-    """Return the name of the files of a function, unique in the package."""
+    """Return the base name of a function's files in the cache, unique in the package."""
     python = f"py{sys.version_info[0]}{sys.version_info[1]}{getattr(sys, 'abiflags', '')}"
     return re.sub("[<>]", "", f"{fun.__module__}.{fun.__qualname__}.{python}")
 
 
 def _key(sig, processor, options):
-    # numba's key would contain the closed-over values, which are pickled anew in every process;
-    # `stamp` replaces them
+    # numba's own key would contain the closed-over values, which have other pickles in every
+    # process; the stamp of the files covers them
     return sig, processor, options, bool(config.BOUNDSCHECK)
 
 
@@ -144,7 +145,7 @@ def _arguments(call):
 
 
 def _takes(owner, *calls):
-    """Return whether a class has methods with the given names and arguments."""
+    """Return whether a class has methods of these names and arguments, such as "load key"."""
     return all(
         [*inspect.signature(getattr(owner, name)).parameters][1:] == arguments
         for name, *arguments in map(str.split, calls)
@@ -182,7 +183,7 @@ def _stores():
 
 
 def _passes(probe):
-    """Return whether a probe passes; any exception of numba counts as a failure."""
+    """Return whether a probe passes; any exception in it counts as failure."""
     try:
         return not config.DISABLE_JIT and probe()
     except Exception:
@@ -202,7 +203,7 @@ if not (config.DISABLE_JIT or (LINKED and STORED)):
 
 
 def keep(dispatcher, cache):
-    """Let a cache store the compile results of a function."""
+    """Make `cache` store and load the compile results of a dispatcher."""
     dispatcher._cache = cache
 
 
@@ -217,12 +218,12 @@ def stated_options(options):
 
 
 def without(*wrappers):
-    """Return options of numba.jit that omit wrappers, which take time and 1 MB each."""
+    """Return options of numba.jit that omit these wrappers; each takes time and 1 MB."""
     return {f"no_{name}_wrapper": True for name in wrappers if LINKED}
 
 
 def uncounted():
-    """Return options of numba.jit without reference counts of arrays, which callers keep alive."""
+    """Return options of numba.jit that switch off reference counting; callers keep arrays alive."""
     return {"_nrt": False} if LINKED else {}
 
 
@@ -238,7 +239,7 @@ def linked(fun, options):
 
 
 def set_environments(result):
-    """Set, in the machine code of a compile result, the environments of all code linked into it."""
+    """Set in the machine code of a result the environments of all functions linked into it."""
     for environment in result._find_referenced_environments() if LINKED else ():
         result.library.codegen.set_env(environment.env_name, environment)
 

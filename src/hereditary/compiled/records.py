@@ -16,7 +16,7 @@ def record(dtype, values=None, **fields):
 
 
 def records(values, dtype):
-    """Return an array of records; without a compiler their fields are attributes as well.
+    """Return an array of records with these values.
 
     If numba compiles nothing, the fields are also attributes, as compiled code reads them. They are
     not otherwise, because np.record takes ten times as long to read a field by its name.

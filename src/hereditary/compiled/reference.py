@@ -127,7 +127,10 @@ def _call(context, builder, sig, args):
 
 @unbox(Reference)
 def _fill(typ, filled, c):
-    """Fill a record on the frame of the caller, without counting references."""
+    """Emit code that makes a record on the caller's frame from a `Filled`.
+
+    The code counts no references.
+    """
     place = cgutils.alloca_once(c.builder, c.context.get_value_type(typ.record))
     record = c.pyapi.object_getattr_string(filled, "record")
     c.pyapi.decref(record)  # `filled` keeps it alive
@@ -159,7 +162,7 @@ def _fill_part(c, record, values, place):
 
 
 class Filled:
-    """A record with checked fields, as compiled entries accept it."""
+    """A NamedTuple with checked fields: the argument of a compiled entry, of the type `kind`."""
 
     def __init__(self, record, kind):
         if id(kind) not in _FORMS:
@@ -169,7 +172,7 @@ class Filled:
 
 
 def by_reference(record, kind):
-    """Return a NamedTuple as the argument of an entry, whose type is `kind`."""
+    """Return a NamedTuple as an argument for an entry; `kind` is the `Reference` type of it."""
     return record if config.DISABLE_JIT or isinstance(record, Filled) else Filled(record, kind)
 
 
@@ -179,10 +182,14 @@ _FORMS: dict[int, tuple[Reference, list[Any]]] = {}
 
 
 def _form(kind) -> list[Any]:
-    """List what `_check` compares for each field of a record: name, type and form.
+    """List (name, type, how, like) of each field of a record, for `_check`.
 
-    The form is an attribute and its value, or a dtype and the number of axes. For numbers it is
-    None and their classes, for a part of the record its own form.
+    How and like depend on the field:
+
+    - a number: None, and its Python classes;
+    - an array: its dtype, and its number of axes;
+    - a structured record or a function: the name of an attribute, and its value;
+    - a part of the record: the function `_form`, and the list of that part.
     """
     found: list[Any] = []
     for name, wanted in zip(kind.fields, kind, strict=True):
@@ -200,7 +207,7 @@ def _form(kind) -> list[Any]:
 
 
 def _check(record, form):
-    """Raise TypeError for a field that does not have its type."""
+    """Raise TypeError if a field of a NamedTuple does not fit its entry in the list of `_form`."""
     for value, (name, wanted, how, like) in zip(record, form, strict=True):
         if how is _form:
             _check(value, like)

@@ -1,4 +1,4 @@
-"""Times at which tangents are made orthonormal: a given interval, or one that follows their growth.
+"""When tangents are made orthonormal: at a given interval, or one that follows their growth.
 
 A mark is a time at which they may be made orthonormal; marks are equidistant. An interval is a
 whole number of marks. With given steps each end of a step is a mark.
@@ -33,11 +33,14 @@ def due(schedule):
 
 @inner(allocates=True)
 def note(schedule, n, logs):
-    """Record the growth (k,) up to mark n, and adapt the interval to it."""
+    """Note a renormalisation at mark n, and adapt the interval to the spread of `logs`.
+
+    `logs` (k,) are the logarithms of the growth of k tangents over the interval before.
+    """
     schedule["last"] = n
     spread = max(0.0, np.max(logs)) - min(0.0, np.min(logs))
     if spread > _HIGH and schedule["automatic"]:
-        # the interval is never lengthened again: spikes of contraction are rare, but come again
+        # the interval never grows above this value again, because rare contractions come back
         schedule["interval"] = max(1, int(schedule["interval"] * _HIGH / spread))
         schedule["longest"] = schedule["interval"]
     elif spread < _LOW and schedule["automatic"]:

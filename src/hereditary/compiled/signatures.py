@@ -1,4 +1,4 @@
-"""Records and signatures of right-hand sides, of Jacobians, and of linear solvers."""
+"""Records and signatures of right-hand sides, Jacobians and linear solvers in compiled code."""
 
 from typing import Annotated, Any, NamedTuple
 
@@ -7,7 +7,7 @@ from .reference import FunctionField, Reference
 
 
 class UserFunctions(NamedTuple):
-    """The right-hand side of an equation, its Jacobian if that is given, and the parameters."""
+    """The right-hand side of an equation, the user's Jacobian if there is one, and parameters."""
 
     rhs: Annotated[Any, FunctionField(RHS_SIG)]
     jac: Annotated[Any, FunctionField(JAC_SIG)]
@@ -40,7 +40,7 @@ SUBSTITUTE = 1  # solve with the factors
 
 
 class LinearSolver(NamedTuple):
-    """Storage and tables of a linear solver for n components; n = 0 for none.
+    """Workspace and tables of a linear solver for n components; n = 0 if there is no solver.
 
     - factors (m, ., .): factors of Newton's matrix and, if m = 2, of the matrix of the tangents.
     - order (n,): the index of each component in the order that makes the band narrow.
@@ -48,7 +48,8 @@ class LinearSolver(NamedTuple):
     - lapack, python: addresses of LAPACK's factorisation and of a function that enters Python.
     - exact: 1 if the right-hand side is linear and all steps have one matrix, so that one iteration
       solves a step.
-    - few: 1 if Newton's method eliminates without the solver, which is for the tangents alone.
+    - few: 1 if there are so few components that Newton's method eliminates without this solver.
+      Then the solver serves the tangents only.
     """
 
     factors: Cube

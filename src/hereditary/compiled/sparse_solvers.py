@@ -41,7 +41,10 @@ def banded_solver(task, number, matrix, x, linear):
 
 @inner
 def substitute_band(factors, lower, upper, x):
-    """Solve for x (n,) with LAPACK's factors of a band; LAPACK's own function takes longer."""
+    """Replace x (n,) by the solution, with the factors of `factorise_band`.
+
+    LAPACK's own substitution takes longer.
+    """
     n, width, diagonal = x.shape[0], factors.shape[1] - 1, lower + upper
     for j in range(n):
         pivot = int(factors[j, width].real)
@@ -59,7 +62,11 @@ def substitute_band(factors, lower, upper, x):
 
 @inner(allocates=True)
 def factorise_band(matrix, place, lower, upper, lapack, factors):
-    """Set LAPACK's factors of a banded matrix; return 0 if no matrix is singular."""
+    """Set the LU factors of a banded matrix by LAPACK's dgbtrf; return 0 if that succeeds.
+
+    Row j of `factors` is column j of LAPACK's array `ab`, followed by the row of the pivot. The
+    diagonal is inverted.
+    """
     n, width, wrong = factors.shape[0], factors.shape[1] - 1, 0
     for j in range(n):
         for k in range(width):
@@ -69,8 +76,8 @@ def factorise_band(matrix, place, lower, upper, lapack, factors):
         factors[j, lower + upper + i - j] += matrix[VALUES, k]
         if not abs(matrix[VALUES, k]) < np.inf:
             wrong = 1
-    # n, diagonals, length of a column and LAPACK's status, then the pivots: in one array, which
-    # exists until LAPACK returns
+    # [n, lower, upper, length of a column, LAPACK's status, pivots...] in one array, so that all of
+    # it is alive until LAPACK returns
     numbers = np.empty(_N_NUMBERS + n, dtype=np.int32)
     numbers[0], numbers[1], numbers[2], numbers[3] = n, lower, upper, width + 1
     numbers[4], pivots, at = wrong, numbers[_N_NUMBERS:], numbers.ctypes.data
@@ -99,7 +106,8 @@ def sparse_solver(task, number, matrix, x, linear):
     return found
 
 
-# Least ratio of a diagonal entry to the largest entry of its column, with which it is the pivot.
+# SuperLU takes the diagonal entry as pivot if it exceeds this fraction of the column's largest
+# entry.
 _PIVOT = 0.1
 # Option of SuperLU for matrices with a nearly symmetric pattern, whose pivots are mostly diagonal.
 _SYMMETRIC = {"SymmetricMode": True}
@@ -147,7 +155,7 @@ class SparseFactors:
             return 0
 
         def call(task, entries_at, vector_at):
-            """Factorise or solve; return 1 for a singular matrix, -1 for an exception."""
+            """Factorise or solve; return 0, or 1 for a singular matrix, or -1 for an exception."""
             try:
                 number, task = divmod(int(task), 2)
                 vector = np.frombuffer((ctypes.c_double * length).from_address(vector_at), kind)

@@ -1,13 +1,13 @@
 """Right-hand sides ``B x + A f(t + t_0, S x)``, affine transformations of a right-hand side f.
 
-Their Jacobians are ``B + A J S``, with the Jacobian J of f. The parameters of f are followed by the
-matrices S, B and A. After these come t_0, the number of values of f, and the place of each matrix.
-A matrix of n rows is stored as n + 1 offsets and then pairs of column and value, row by row.
-Offsets count from the beginning of the matrix. They say where the pairs of each row begin, and
-where the last ones end.
+Their Jacobians are ``B + A J S``, with the Jacobian J of f. One array has all parameters: those of
+f, the matrices S, B and A, and five numbers. These are t_0, the number of values of f, and the
+index of each matrix in the array. A matrix of n rows is stored as n + 1 offsets, followed by pairs
+of column and value, row by row. An offset is the position, from the beginning of the matrix, at
+which the pairs of a row begin. The last offset is the position at which all pairs end.
 
-S and A are empty if f reads the first components, and its values are those of the last ones. Then f
-writes its values into place.
+S and A are stored empty if f reads the first components of x and gives the last values of the
+result. Then f writes its values directly into the result.
 """
 
 from functools import lru_cache
@@ -18,7 +18,7 @@ from numpy.typing import ArrayLike
 
 from ..compiled.jit import JAC_SIG, RHS_SIG, as_value, compiled, derived, inner
 
-# Number of sizes behind the matrices among the parameters.
+# Number of parameters after the matrices: t_0, the number of values of f, and three indices.
 _SIZES = 5
 
 
@@ -36,7 +36,7 @@ def affine(
     Parameters
     ----------
     functions : (ndarray, callable, callable or None)
-        Parameters, right-hand side and Jacobian of f.
+        Parameters of f, f itself, and its Jacobian or None.
     n, n_f : int
         Number of components x. Number of values that f reads, which is that of its results too.
     b, a, s : array_like, shape (k, 3), optional
@@ -59,7 +59,7 @@ def affine(
 
 
 def _by_rows(triples: ArrayLike, n: int) -> np.ndarray:
-    """Return a matrix of n rows, from its entries, as it is stored among the parameters."""
+    """Return a matrix of n rows as offsets and pairs, from its entries (row, column, value)."""
     triples = np.reshape(triples, (-1, 3))
     triples = triples[np.argsort(triples[:, 0], kind="stable")]
     begins = n + 1 + 2 * np.searchsorted(triples[:, 0], np.arange(n + 1))
@@ -99,7 +99,7 @@ def _side(rhs: Any, in_place: bool) -> Any:
 
 @lru_cache(maxsize=64)
 def slopes(jac: Any) -> Any:
-    """Return the compiled Jacobian ``B + A J S``; J is `jac`, parameters are as in `affine`."""
+    """Return the compiled Jacobian ``B + A J S``, where J is `jac`; see `affine`."""
 
     def all_slopes(t: float, x: np.ndarray, out: np.ndarray, params: np.ndarray) -> None:
         z = _arguments(x, params)

@@ -1,4 +1,4 @@
-"""Rewrite equations with orders above 2, or with matrices as coefficients, as plain systems.
+"""Rewrite equations with orders above 2 or matrix coefficients as systems without either.
 
 Matrices. ``sum_l C_l D^(gamma_l) y = f(t, y)`` with matrices C_l is solved for the highest
 derivative of each component. Let A be the matrix whose column j is the column j of that C_l which
@@ -96,8 +96,8 @@ def _highest_of_caputo(left: Iterable[SystemTerm], d: int) -> np.ndarray:
 class Chained(NamedTuple):
     """System of an equation with orders above 2 or matrices, and which components are y'.
 
-    `speeds` (d,) has the number of the component that is y', and -1 for none. Its shape is (0,) if
-    no derivative is a component.
+    `speeds` (d,) has for each component of y the number of the component that is its derivative, or
+    -1 if there is none. It is empty if no derivatives are components.
     """
 
     system: System
@@ -124,7 +124,7 @@ def chained(
         return _with_algebraic_rows(_summed(left), y0, params, rhs, jac)
     entries, inverse = _solved(left, d)
     lengths = np.ceil(leading_orders(left, d)).astype(int).tolist() if above else [1] * d
-    # (j, k) is the k-th derivative of y_j: all y come first, then all y', and so on
+    # (j, k) is the k-th derivative of y_j: y comes first, then y', and so on
     pairs = [(j, k) for k in range(max(lengths)) for j in range(d) if k < lengths[j]]
     places = {pair: place for place, pair in enumerate(pairs)}
     last = [places[j, length - 1] for j, length in enumerate(lengths)]
@@ -164,9 +164,9 @@ def _with_algebraic_rows(
 ) -> Chained:
     """Return the system of ``C D^alpha y = f``, where rows of C are 0, as `Chained`.
 
-    The components are y and, for each other row of C, that row times y. The derivatives of these
-    products are rows of f. All rows of y are algebraic: the other rows of f, and the definitions of
-    the products.
+    The components are y and, for each nonzero row c of C, a further component z = c y. The equation
+    of z is D^alpha z = f_c, with the same row of f. The equations of y are algebraic: z = c y for
+    the nonzero rows, and 0 = f for the others.
     """
     d = y0.shape[1]
     rows = np.flatnonzero(left[0].coefficients.any(axis=1)).tolist() if left else []
@@ -195,7 +195,7 @@ def _with_algebraic_rows(
 
 
 def _of_derivative(operator: Any, k: int) -> Any:
-    """Return the operator that acts on the k-th derivative as `operator` acts on the function."""
+    """Return the operator that on the k-th derivative of y gives what `operator` gives on y."""
     if operator.constant:
         return ConstantOrder(operator.order - k)
     return KernelOperator(operator.kernel, operator.derivative - k)

@@ -58,7 +58,7 @@ class Equation:
     rhs : callable, or None with `linear`
         ``rhs(t, y)`` or ``rhs(t, y, params)`` returning shape (d,) (or a number when d = 1), or in
         place ``rhs(t, y, dy, params)``. The number of arguments decides. t is a float, y has shape
-        (d,). `rhs` is compiled with the functions that it calls, and again before a run if a
+        (d,). The function is compiled with the functions that it calls, and again before a run if a
         global or a closed-over value has changed. A function that numba cannot compile (methods,
         callable objects, SciPy's functions, try) is called in Python, with a
         `PythonFunctionWarning` and 3 us more a call. `rhs` must return equal values for equal t and
@@ -333,8 +333,8 @@ class Equation:
     def _with_params(self, params: np.ndarray) -> Equation | None:
         """Return the equation with other parameters; None if functions must be checked again.
 
-        The functions are the same and have been checked, so the right-hand side is called only
-        once.
+        The functions are the same and were checked before, so one call of the right-hand side is
+        enough.
         """
         system = self.system
         alone = not system.read.any() and system.structure is None and not self._in_python
@@ -352,7 +352,7 @@ class Equation:
         return found
 
     def _arguments(self) -> dict[str, Any]:
-        """Return the arguments with which this equation was made."""
+        """Return the arguments that make this equation."""
         own = {"y0": self._given_y0, "d": self._given_d}
         return {name: getattr(self, name) for name in _GIVEN} | own
 
@@ -371,14 +371,14 @@ class Equation:
             raise original(error) from None
 
     def current(self) -> Equation:
-        """Return an equation compiled with the present globals and closed-over values.
+        """Return this equation with the present globals and closed-over values of its functions.
 
-        It is this equation itself if no value has changed since it was made.
+        It is the same object if no value has changed since it was made.
         """
         return self if self._present_values() == self._frozen else self.replace()
 
     def _digest_of_rhs(self) -> str:
-        """Return the digest of the right-hand side, from its frozen values if it is compiled."""
+        """Return the digest of the right-hand side, from frozen values if these determine it."""
         if self._in_python or self._constants or self.rhs is None:
             return digest(self.rhs, *self._constants)
         return digest_of_compiled(self._frozen[0], self.rhs)
@@ -413,7 +413,7 @@ def _numbers(params: ArrayLike) -> np.ndarray:
 
 
 def _check_leading(left: Iterable[SystemTerm], y0: np.ndarray, reads: bool) -> None:
-    """Refuse components with RiemannLiouville terms alone, and initial values that are not used.
+    """Refuse components without Caputo or Memory terms, and initial values that no term needs.
 
     A component must have another term besides RiemannLiouville terms, or no term at all. If the
     right-hand side reads memory (`reads`), an algebraic row may have initial values of all orders.

@@ -59,7 +59,7 @@ def _term(term: Term) -> str:
 
 
 def _number(coefficient: np.ndarray) -> str:
-    """Return a factor as text: nothing for 1, and a matrix by its shape."""
+    """Return a coefficient as text: empty for 1, and only the shape of a matrix."""
     if coefficient.ndim == 2:
         return f"[{coefficient.shape[0]} x {coefficient.shape[1]} matrix] "
     return "" if np.all(coefficient == 1) else f"{_plain(coefficient)} "

@@ -1,4 +1,4 @@
-"""The frame of the user: the time at which runs begin, and complex components."""
+"""The map between times and components of a run and those of the user."""
 
 from __future__ import annotations
 
@@ -12,8 +12,9 @@ from numpy.typing import ArrayLike
 class Frame(NamedTuple):
     """Map between times and components inside a run and those of the user.
 
-    A run begins at time 0, and all its components are real. A complex component becomes two, its
-    real and its imaginary part. For orders above 2 derivatives of y are further components.
+    A run begins at time 0 inside, and all of its components are real. The real and the imaginary
+    part of a complex component are two components of the run, next to each other. For orders above
+    2 derivatives of y are further components.
 
     Attributes
     ----------
@@ -31,24 +32,24 @@ class Frame(NamedTuple):
     speeds: tuple[int, ...] = ()
 
     def values(self, inside: np.ndarray) -> np.ndarray:
-        """Return y as the user sees it, from components (..., n) of a run."""
+        """Return y in the user's components, from the n components (..., n) of a run."""
         if self.speeds:
             inside = inside[..., : len(self.speeds)]
         return np.ascontiguousarray(inside).view(complex) if self.paired else inside
 
     def doubled(self, values: ArrayLike) -> ArrayLike:
-        """Return values for real components from values for components of y; a number unchanged."""
+        """Return values for real components from those for components of y; a number unchanged."""
         return np.repeat(values, 2) if self.paired and np.ndim(values) else values
 
     def moved(self, inside: np.ndarray, values: ArrayLike) -> np.ndarray:
-        """Return a copy of components (n,) of a run in which y has these values of the user."""
+        """Return a copy of the components (n,) of a run with these values of the user for y."""
         found = inside.copy()
         real = np.ascontiguousarray(values, complex if self.paired else float).view(float)
         found[: real.size] = real
         return found
 
     def slopes(self, inside: np.ndarray, slopes: np.ndarray) -> np.ndarray:
-        """Return y' as the user sees it, from components of a run and their slopes."""
+        """Return y' in the user's components, from components of a run and their derivatives."""
         if self.speeds:
             speeds = np.array(self.speeds)
             known = inside[..., np.maximum(speeds, 0)]
@@ -56,7 +57,7 @@ class Frame(NamedTuple):
         return np.ascontiguousarray(slopes).view(complex) if self.paired else slopes
 
     def event(self, function: Callable[..., Any]) -> Callable[..., Any]:
-        """Return an event function of the user as a function of time and components of a run."""
+        """Return an event function of the user as a function of times and components of a run."""
         return function if self == Frame() else _Inside(function, self)
 
 

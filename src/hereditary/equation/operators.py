@@ -29,7 +29,7 @@ _INTEGRAL = (
 
 
 class Summand:
-    """A part of the left-hand side of an equation, which can be scaled and added to others."""
+    """A part of an equation's left-hand side, which can be scaled and added to other parts."""
 
     # tells NumPy to leave `array * Caputo(...)` to __rmul__ instead of multiplying entry by entry
     __array_ufunc__ = None
@@ -155,7 +155,7 @@ class Caputo(Summand):
 
     @property
     def derivative(self) -> int:
-        """m, the derivative inside the integral: ceil(order) of the highest order."""
+        """m, the highest derivative of y inside the integral: ceil of the highest order."""
         if self.varying is not None:
             return self.varying.derivative
         return max(map(derivative_order, self._order.flat))
@@ -166,10 +166,10 @@ class Caputo(Summand):
         return self.varying is None
 
     def parts(self, orders: np.ndarray) -> list[tuple[Operator, np.ndarray | bool]]:
-        """Return operators of a `System`, and the components (d,) that have each; True for all.
+        """Return pairs of an operator of a `System` and which components (d,) have it.
 
-        `orders` (d,) are the constant orders as the equation rounds them. They are ignored if
-        orders vary.
+        True stands for all components.         `orders` (d,) are the orders of the components after
+        the equation has rounded them. They are ignored if the order varies.
         """
         if self.varying is not None:
             return [(self.varying, True)]
@@ -306,7 +306,7 @@ class Term(Summand):
         return (self,)
 
     def times(self, factor: ArrayLike) -> Term:
-        """Return this term with its coefficient multiplied; a matrix multiplies from the left."""
+        """Return this term with `factor` times its coefficient, a matrix from the left."""
         checked, own = Term(self.operator, factor).coefficient, self.coefficient
         if checked.ndim == 2 and own.ndim:
             return Term(self.operator, checked @ (own if own.ndim == 2 else np.diag(own)))

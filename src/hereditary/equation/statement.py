@@ -1,4 +1,4 @@
-"""From the terms and initial values of the user to those of a system."""
+"""Check the terms and initial values that a user states, and convert them to those of a system."""
 
 import numbers
 from collections.abc import Iterable, Sequence
@@ -44,7 +44,7 @@ def left_side(
     orders: Iterable[np.ndarray],
     origin: float,
 ) -> list[SystemTerm]:
-    """List the operators of the left side of a system with their coefficients, one for each order.
+    """Return the terms of a system's left side; a term with several orders gives one for each.
 
     `factors` are the coefficients of the user's terms. `orders` has for each term of constant order
     the orders of all components. `origin` is the user's time at time 0 of the system.
@@ -101,7 +101,7 @@ def check_initial_terms(left: Iterable[SystemTerm], leading: np.ndarray) -> None
 
 
 def _order_at_start(operator: Operator) -> float:
-    """Return the order of an operator at time 0; for a general kernel m of its y^(m)."""
+    """Return an operator's order at time 0; for a general kernel m."""
     if isinstance(operator, VaryingOrder):
         return float(operator.sampled(np.zeros(1))[0][0])
     return operator.order
@@ -127,7 +127,7 @@ def per_component(
 
 
 def read_memory(memory: Any) -> tuple[Term | Delay, ...]:
-    """List the terms and delays that a right-hand side reads, in their order."""
+    """Return the terms and delays of the argument `memory`, in its order."""
     parts = list(memory) if isinstance(memory, (list, tuple)) else [memory]
     found: list[Term | Delay] = []
     for part in parts:
@@ -136,7 +136,7 @@ def read_memory(memory: Any) -> tuple[Term | Delay, ...]:
 
 
 def _read_terms(memory: Summand) -> tuple[Term, ...]:
-    """List the terms of one part of `memory`."""
+    """Return the terms of one part of the argument `memory`; refuse any that cannot be read."""
     terms = as_terms(memory, "memory")
     for term in terms:
         if term.operator.derivative > 2:
@@ -150,9 +150,9 @@ def _read_terms(memory: Summand) -> tuple[Term, ...]:
 def with_memory(system: System, memory: Sequence[Term]) -> System:
     """Return a system with the k terms of memory that its right-hand side reads as components.
 
-    The d components are followed by d for each term of `memory`. The left side of each of these is
-    that term, so schemes compute it like a term of an equation. Marches use the increments of their
-    `sources`.
+    The d components of `system` are followed by d components for each term of `memory`. The term is
+    the left side of such a component, so schemes discretise it like a term of an equation. Its
+    increments are those of the component in `sources`.
     """
     d, k, origin, paired = system.d, len(memory), system.frame.start, system.frame.paired
     own_d = d // 2 if paired else d
@@ -163,7 +163,7 @@ def with_memory(system: System, memory: Sequence[Term]) -> System:
     own = [t.operator._order for t in memory if t.operator.constant]
     mine = [op.order for op, _ in system.left if op.constant]
     orders = per_component("order", own, own_d, paired)
-    # orders that differ by rounding from those of the left side become equal to these
+    # orders of memory that differ from orders of the left side by rounding become equal to them
     orders = merged_orders(np.vstack([np.tile(mine, (d, 1)).T.reshape(-1, d), orders]))[len(mine) :]
     left = [SystemTerm(op, np.concatenate([c, np.zeros(k * d)])) for op, c in system.left]
     rows = iter(orders)
@@ -263,7 +263,7 @@ def initial_values(values: np.ndarray, m: int) -> np.ndarray:
 
 
 def initial_rows(values: np.ndarray, m: int, d: int) -> np.ndarray:
-    """Return the initial values of d components as an array (k, d), k >= m."""
+    """Return y0 as an array (k, d) of at least m rows; the number d of components is given."""
     rows = values.reshape(-1, d) if values.ndim < 2 and values.size % d == 0 else values
     if rows.ndim != 2 or rows.shape[1] != d or len(rows) < m:
         required = f"hold at least {m} rows of {d}, where d = {d} is stated"
@@ -272,7 +272,7 @@ def initial_rows(values: np.ndarray, m: int, d: int) -> np.ndarray:
 
 
 def of_shorthand(values: np.ndarray, initial: np.ndarray, reads_memory: bool) -> str:
-    """Return a hint for messages, on the meaning of a flat y0 and on how rhs reads y'; or ""."""
+    """Return a hint for messages: how a flat y0 is understood, and how rhs reads y'; or ""."""
     speed = _SPEED if initial.shape == (2, 1) and not reads_memory else ""
     if values.ndim != 1 or initial.shape[0] == 1:
         return speed

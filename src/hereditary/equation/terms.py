@@ -30,7 +30,7 @@ _CONSTANT = 0.99
 
 
 class SystemTerm(NamedTuple):
-    """An operator and its coefficients for each component, (d,); 0 for components without it."""
+    """An operator and its coefficient for each component, (d,); 0 for components without it."""
 
     operator: Operator
     coefficients: np.ndarray
@@ -74,11 +74,14 @@ class ConstantOrder:
         return self.order in (1.0, 2.0)
 
     def symbol(self, s: np.ndarray) -> np.ndarray:
-        """Return ``s**alpha``, the factor on ``exp(s t)`` if memory begins at minus infinity."""
+        """Return ``s**alpha``, the factor on ``exp(s t)`` if memory starts at minus infinity."""
         return s**self.order
 
     def factor(self, h: float) -> float:
-        """Return the factor of increments or of their differences: ``h**-alpha / Gamma(p + 1)``."""
+        """Return ``h**-alpha / Gamma(p + 1)``, which multiplies sums over increments of y.
+
+        For m = 2 these sums are over differences of increments.
+        """
         return float(h**-self.order * rgamma(self.power + 1))
 
     def in_steps(self, h: float) -> PowerSteps:
@@ -126,13 +129,13 @@ class KernelOperator:
         return self.kernel.t_last
 
     def symbol(self, s: np.ndarray) -> np.ndarray:
-        """Return ``s**m`` times the Laplace transform of the kernel, its factor on ``exp(s t)``."""
+        """Return ``s**m`` times the kernel's Laplace transform: the factor on ``exp(s t)``."""
         mean = _mean_symbol(self.kernel, self.derivative)
         with np.errstate(all="ignore"):  # at 0 a transform may be infinite
             return np.where(s == 0, mean, s**self.derivative * self.kernel.laplace(s))
 
     def factor(self, h: float) -> float:
-        """Return the factor of increments, 1, or of their differences, 1/h."""
+        """Return what multiplies sums over increments of y, 1, or over their differences, 1/h."""
         return 1 / h if self.derivative == 2 else 1.0
 
     def in_steps(self, h: float) -> StepKernel:
@@ -151,9 +154,10 @@ class KernelOperator:
 
 @lru_cache(maxsize=64)
 def _mean_symbol(kernel: MemoryKernel, m: int) -> complex:
-    """Return the factor of a mean of y in a term with y^(m); refuse kernels that do not fade.
+    """Return the factor of a term with y^(m) on the mean of a periodic y; refuse some kernels.
 
-    A kernel has a constant part if s K^(s) stays the same as s tends to 0.
+    Refused are kernels with a constant part, for which s K^(s) has a limit other than 0 as s tends
+    to 0. If m = 0, kernels whose integral over all times is infinite or unknown are refused too.
     """
     with np.errstate(all="ignore"):
         mean = 0.0 if m else complex(kernel.laplace(0j))
@@ -271,7 +275,7 @@ class VaryingOrder:
         return values[:k], complaint("order", required, f"{reason} at t = {times[k]:.6g}")
 
     def _at_once(self, times: np.ndarray) -> np.ndarray | None:
-        """Call the function once for all times; return None if it accepts no arrays."""
+        """Return the orders at all times by one call; None if the function accepts no arrays."""
         try:
             # a copy, because the function may write into it
             values = np.broadcast_to(np.asarray(self.function(times.copy())), times.shape)
@@ -285,7 +289,7 @@ class VaryingOrder:
         return np.asarray(values, dtype=float) if close.all() else None
 
     def _one_by_one(self, times: np.ndarray) -> tuple[np.ndarray, str]:
-        """Return values up to the first call that fails, and a sentence on that failure."""
+        """Return the orders up to the first time at which the function raises, and the error."""
         values = np.empty(times.size)
         for i, t in enumerate(times.tolist()):
             try:

@@ -1,1 +1,1 @@
-"""Functions of the user: checked, compiled or called in Python, and the values that they read."""
+"""A user's functions: their checks, their compilation or calls in Python, and values they read."""

@@ -42,9 +42,9 @@ def functions_of(
 ) -> Functions:
     """Check the functions of an equation at the start and return them as `Functions`.
 
-    `rhs` may be None for 0. `jac_memory` returns the derivatives by the memory. The text of
-    ``hint()`` follows messages on an `rhs` that does not fit y0. `shape` is that of the values of
-    `jac`, (d, d) by default.
+    If `rhs` is None, the result has no right-hand side. `jac_memory` returns the derivatives of
+    `rhs` by memory. ``hint()`` is appended to messages if `rhs` does not fit y0. `shape` is the
+    shape of the values of `jac`, (d, d) by default.
     """
     k, d = start.memory.shape
     shape, n = shape or (d, d), start.components().size
@@ -83,7 +83,11 @@ def switch_of(switch: Any, y: np.ndarray, t: float) -> Any:
 
 
 def _as_one(parts: list[Function], signature: Any, k: int, called: tuple[Callback, ...]) -> Any:
-    """Return all compiled parts of a right-hand side or of a Jacobian as one function, or None."""
+    """Return one compiled function for all components, or None without `parts`.
+
+    `parts` are the right-hand side, or the Jacobians by y and by memory. The parameters end with
+    addresses if `called`, the functions called in Python, are not empty.
+    """
     if not parts:
         return None
     one = parts[0].compiled
@@ -94,7 +98,10 @@ def _as_one(parts: list[Function], signature: Any, k: int, called: tuple[Callbac
 
 
 def _jacobian(jac: Any, start: Start, shape: tuple[int, ...]) -> Function:
-    """Check a Jacobian; return it with shape (j, k) of its values, or (1, k) if it fills a row."""
+    """Check a Jacobian and return it as a function that fills a matrix.
+
+    If its values are a vector of k entries, the matrix is a row, (1, k).
+    """
     if len(shape) > 1:
         return function_of("jac", "jacobian", jac, start, shape, JAC_SIG)
     with warnings.catch_warnings():  # slow calls matter little: Jacobians serve many steps
@@ -106,7 +113,10 @@ def _jacobian(jac: Any, start: Start, shape: tuple[int, ...]) -> Function:
 def _callback(
     name: str, parts: list[Function], start: Start, shape: tuple[int, ...]
 ) -> Callback | None:
-    """Return a callback that calls `parts` in Python; None if all of them compile."""
+    """Return a callback that fills all values by calling `parts` in Python; None if all compile.
+
+    `shape` is the shape of all values.
+    """
     if all(part.compiled for part in parts):
         return None
     n, params = start.components().size, locked(start.params)
@@ -125,7 +135,7 @@ def _callback(
 
 @lru_cache(maxsize=256)
 def _padded(rhs: Any, k: int) -> Any:
-    """Return the right-hand side of d components extended by 0 for k d components of memory."""
+    """Return a right-hand side with d + k d values from one with d: values of memory are 0."""
 
     def all_components(t: float, z: np.ndarray, out: np.ndarray, params: np.ndarray) -> None:
         d = z.shape[0] // (1 + k)
@@ -138,7 +148,7 @@ def _padded(rhs: Any, k: int) -> Any:
 
 @lru_cache(maxsize=256)
 def _joined(jac: Any, beside: Any, k: int) -> Any:
-    """Return the Jacobian of `_padded` from those by y, (d, d), and by memory, (d, k d)."""
+    """Return the Jacobian of `_padded` from those of f by y, (d, d), and by memory, (d, k d)."""
 
     def all_components(t: float, z: np.ndarray, out: np.ndarray, params: np.ndarray) -> None:
         n = z.shape[0]
@@ -158,7 +168,7 @@ def _joined(jac: Any, beside: Any, k: int) -> Any:
 
 @lru_cache(maxsize=64)
 def _as_row(values: Any) -> Any:
-    """Return a function that fills an array (1, k), from a function that fills (k,)."""
+    """Return a function that fills an array (1, k), from one that fills a vector (k,)."""
 
     def row(t: float, y: np.ndarray, out: np.ndarray, params: np.ndarray) -> None:
         values(t, y, out[0], params)

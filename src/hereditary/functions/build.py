@@ -1,10 +1,11 @@
-"""One function of the user: tried, then compiled once or called in Python.
+"""Check one function of a user, and compile it or wrap it for calls in Python.
 
-It is first called twice in plain Python, so that an error shows the line of the user instead of a
-message of the compiler. It is compiled with bounds checks, and for read-only arrays y and params.
-With the same code and the same frozen values it is not compiled again. Each time the values of
-compiled code at the start are compared with those in Python. A function that numba cannot compile
-is called in Python from a compiled one (python_calls.py).
+The function is first called twice in plain Python, so that an error shows its own line instead of a
+compiler's message. It is then compiled with bounds checks, for read-only arrays y and params. numba
+freezes the globals and closed-over values that it reads. With the same code and the same frozen
+values it is not compiled again. For each equation the values of the compiled function at the start
+are compared with those in Python. If numba cannot compile the function, a compiled one calls it in
+Python (python_calls.py).
 """
 
 from __future__ import annotations
@@ -31,28 +32,29 @@ from .python_calls import warn_of_python
 from .reads import code_names, fresh, frozen_values, uncompiled
 
 _READ_ONLY = types.Array(F8, 1, "C", readonly=True)
-# Functions of NumPy through which numba returns y as a writable array.
+# Names of functions and attributes through which numba makes a writable array of a read-only one.
 _PAST_READ_ONLY = {"flat", "nditer", "ascontiguousarray", "asfortranarray", "fill_diagonal", "dot"}
-# Most functions that are kept compiled.
+# Largest number of compiled functions that this module keeps for later equations.
 _KEPT_MAX = 256
-# Number of compiled versions of one function, with other frozen values, from which on the user is
-# warned: numba frees none.
+# Number of versions of one function, with different frozen values, at which the user is warned:
+# numba frees no compiled code.
 _VERSIONS_MAX = 50
 # Type of ``fill(t, z, out, params)``, which calls a user's function; z contains y, then memory.
 Fill: TypeAlias = Callable[..., None]
 
 
 class Function(NamedTuple):
-    """A user's function: compiled or None, and ``fill(t, z, out, params)``, which calls it."""
+    """A user's function: compiled, or None; `fill` calls it in Python."""
 
     compiled: Any
     fill: Fill
 
 
 class _Version(NamedTuple):
-    """A compiled function, or None and the reason; its number of arguments and its form.
+    """Result of a compilation: the function, or None and the reason.
 
-    The form says how the function returns its values.
+    `arity` is the number of arguments besides memory, `form` that of the values: "number", "array"
+    or "in place".
     """
 
     compiled: Any
@@ -65,13 +67,13 @@ _versions: OrderedDict[tuple, _Version] = OrderedDict()
 
 
 def present_values(fun: Any) -> tuple:
-    """Return the values that compilation of `fun` would freeze at present, for comparison."""
+    """Return the code of `fun` and the values that numba would freeze into it now."""
     plain = None if fun is None else _plain(fun)
     return frozen_values(plain) if inspect.isfunction(plain) else ()
 
 
 def _plain(fun: Any) -> Any:
-    """Return the Python function behind a compiled one; any other function unchanged."""
+    """Return the Python function of a numba dispatcher; any other object unchanged."""
     return fun.py_func if is_jitted(fun) else fun
 
 
@@ -85,9 +87,23 @@ def function_of(
     hint: Callable[[], str] = str,
     required: str = "",
 ) -> Function:
-    """Check a function of the user and return it as a `Function`, compiled if possible.
+    """Check a user's function and return it as a `Function`, compiled if numba can compile it.
 
-    `required` says in messages what a function that must compile has to do.
+    Parameters
+    ----------
+    name, out : str
+        Names of the function and of its output array, for messages.
+    fun : callable
+    start : Start
+        Arguments of the trial calls.
+    shape : tuple of int
+        Shape of the values.
+    signature : numba signature
+    hint : callable, optional
+        ``hint()`` is appended to messages about errors in the function.
+    required : str, optional
+        If not empty, numba must be able to compile the function. The message about a function that
+        it cannot compile states this requirement.
     """
     plain = _plain(fun)
     if not callable(plain):
@@ -120,13 +136,13 @@ def function_of(
 
 
 def _key(fun: Any, signature: Any, start: Start) -> tuple:
-    """Return what a compiled function depends on, without its number of arguments and its form."""
+    """Return what compiled code depends on besides the arity and the form: the key of a version."""
     options = stated_options(options_of(fun)) if is_jitted(fun) else ""
     return frozen_values(_plain(fun)), options, signature, len(start.memory), start.paired
 
 
 def _called(fill: Fill, start: Start, shape: tuple[int, ...]) -> np.ndarray:
-    """Return the values of a function at the start, called in Python."""
+    """Return the values that `fill` gives in Python at the start."""
     values = np.full(shape, np.nan, start.y.dtype)
     with np.errstate(all="ignore"):
         fill(start.t, locked(start.components()), values.view(float), locked(start.params))
@@ -134,7 +150,7 @@ def _called(fill: Fill, start: Start, shape: tuple[int, ...]) -> np.ndarray:
 
 
 def _difference(compiled: Any, expected: np.ndarray, start: Start) -> str:
-    """Return a clause on how compiled values differ from Python's at the start, or ""."""
+    """Return how compiled values at the start differ from Python's; "" if they agree."""
     found = np.full_like(expected, np.nan)
     try:
         compiled(start.t, start.components(), found.view(float), start.params.copy())
@@ -168,7 +184,7 @@ def _version(
 
 
 def _warn_of_versions(name: str, plain: FunctionType) -> None:
-    """Warn if one function has been compiled many times, for other frozen values each time."""
+    """Warn if one function has been compiled `_VERSIONS_MAX` times for different frozen values."""
     versions = 1 + sum(frozen[0] == plain.__code__ for frozen, *_ in _versions)
     if versions == _VERSIONS_MAX:
         warn(
@@ -182,18 +198,19 @@ def _warn_of_versions(name: str, plain: FunctionType) -> None:
 def _build(
     name: str, fun: Any, key: tuple, arity: int, form: str, start: Start, shape: tuple[int, ...]
 ) -> tuple[Any, str]:
-    """Compile a function of the user; return it and "", or None and why numba cannot compile it.
+    """Compile a user's function; return it and "", or None and the reason of numba's failure.
 
-    A function that could write into y or params through numba gets copies of them. Its code and its
-    helpers are compiled anew, so that the result depends on these alone.
+    A function that uses a name of `_PAST_READ_ONLY` gets copies of y and params, because it could
+    write into them. The function and its helpers are compiled from fresh copies, so that earlier
+    compilations have no influence.
     """
     plain, k = _plain(fun), len(start.memory)
     if config.DISABLE_JIT:
         return _locking(_in_python(name, plain, arity, start, shape)), ""
-    # compiled code alone calls these functions: a wrapper for other callers takes 1 MB each
+    # only compiled code calls these functions, and a wrapper for Python would take 1 MB each
     inside = {"boundscheck": True, **without("cpython")}
     inner: dict[str, Any] = {"nogil": True, **without("cfunc"), **inside}
-    # scenes of the package always read the same entries, and the call at t = 0 has checked these
+    # the package's own scenes always read the same entries, which the trial calls have checked
     inner["boundscheck"] = not str(plain.__module__).startswith("hereditary.")
     if not is_jitted(fun):
         inner["error_model"] = "numpy"
@@ -249,7 +266,7 @@ def _of_copies(fun: Any) -> Fill:
 
 
 def _of_parts(fun: Any) -> Fill:
-    """Return a function of complex components as a function of their real and imaginary parts."""
+    """Return a function of real and imaginary parts from a function of complex components."""
 
     def of_parts(t: float, z: np.ndarray, out: np.ndarray, params: np.ndarray) -> None:
         fun(t, z.view(np.complex128), out.view(np.complex128), params)
@@ -294,7 +311,7 @@ def _adapter(fun: Any, arity: int, form: str, n_axes: int) -> Fill:
 
 
 def _in_python(name: str, fun: Any, arity: int, start: Start, shape: tuple[int, ...]) -> Fill:
-    """Return ``fill(t, z, out, params)``, which calls `fun` in Python; z has y and memory."""
+    """Return ``fill(t, z, out, params)``, which calls `fun` in Python; z is y, then memory."""
     k, d = start.memory.shape
     kind = start.y.dtype
 
@@ -322,7 +339,7 @@ def _in_python(name: str, fun: Any, arity: int, start: Start, shape: tuple[int, 
 
 
 def _locking(fill: Fill) -> Fill:
-    """Return the function with read-only arguments, for runs without a compiler."""
+    """Return `fill` with read-only z and params, for runs in which numba compiles nothing."""
     return lambda t, z, out, params: fill(t, locked(z), out, locked(params))
 
 
@@ -333,13 +350,13 @@ def locked(array: np.ndarray) -> np.ndarray:
     return view
 
 
-# Longest list that is read entry by entry; a longer one is made an array first.
+# Length of a returned list up to which its entries are copied one by one, without an array.
 _FEW_ENTRIES = 6
 _RESHAPED = "the function returned another shape than at the start"
 
 
 class Start(NamedTuple):
-    """Arguments with which functions are tried: y (d,), memory (k, d), params (p,) and the time t.
+    """Arguments of trial calls: y (d,), memory (k, d), params (p,) and the time t.
 
     There are d components, k rows of memory and p parameters. y and memory may be complex.
     """
@@ -351,7 +368,7 @@ class Start(NamedTuple):
 
     @property
     def paired(self) -> bool:
-        """Whether components are complex, so that each is two real components of a system."""
+        """Whether components are complex: each then is two real components of the system."""
         return self.y.dtype.kind == "c"
 
     def components(self) -> np.ndarray:
@@ -359,7 +376,7 @@ class Start(NamedTuple):
         return np.concatenate([self.y, self.memory.ravel()]).view(float)
 
     def shapes(self, name: str, out: str) -> str:
-        """List in words the arguments that a function may have."""
+        """Return the allowed lists of arguments of a function, for messages."""
         first = f"{name}(t, y" + ", memory" * (len(self.memory) > 0)
         return f"{first}), {first}, params) or, in place, {first}, {out}, params)"
 
@@ -395,8 +412,8 @@ def try_out(
     shape: tuple[int, ...],
     hint: Callable[[], str],
 ) -> tuple[np.ndarray, str]:
-    """Call `fun` twice in Python at the start, check its values, and return them and their form."""
-    # an output array with other values at first shows entries that the function does not set
+    """Call `fun` twice in Python at the start; check its values, and return them and their form."""
+    # the two calls get output arrays with different contents, which shows entries that are not set
     (values, form), (again, _) = (
         _values(name, out, fun, arity, start, shape, hint, unset) for unset in (np.nan, 0.5)
     )
@@ -415,8 +432,8 @@ def try_out(
 
 
 def nearly_equal(values: np.ndarray, expected: np.ndarray) -> bool:
-    """Return whether values agree to a relative 1e-8."""
-    if np.array_equal(values, expected):  # in a tenth of the time
+    """Return whether values agree with those expected to a relative 1e-8."""
+    if np.array_equal(values, expected):  # takes a tenth of the time of allclose
         return True
     return np.allclose(values, expected, rtol=1e-8, atol=1e-12 * np.abs(expected).max(initial=0.0))
 
@@ -476,7 +493,7 @@ def _values(
 def numbers_of(
     name: str, fun: Any, returned: Any, shape: tuple[int, ...], start: Start
 ) -> np.ndarray:
-    """Return the values of a function as an array; refuse anything but numbers."""
+    """Return the values that a function returned, as an array; refuse anything but numbers."""
     try:
         values = np.asarray(returned)
     except ValueError:  # rows of unequal length

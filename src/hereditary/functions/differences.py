@@ -11,28 +11,25 @@ import numpy as np
 from ..compiled.jacobian import FEW, LEAST, VALUES, extend, jacobian_at, right_side
 from ..support.checks import complaint
 
-# Steps of two difference quotients that are compared, in units of the size of a component.
+# Two steps of the differences that check a Jacobian, relative to the size of a component.
 _STEPS = 1e-4, 1e-5
-# Relative difference of an entry of a dense Jacobian from difference quotients that rounding and
-# truncation do not explain.
+# Relative deviation of an entry of a dense Jacobian that rounding and truncation cannot explain.
 _OF_ENTRY = 1e-3
-# Relative difference, unexplained likewise, of a product of the given sparse entries with a
-# direction.
+# Such a deviation for the product of a given sparse Jacobian with a direction, relative to moduli.
 _OF_GIVEN = 1e-6
-# Relative difference, unexplained likewise, of a product of sparse entries by differences with a
-# direction.
+# Such a deviation for the product of a sparse Jacobian by differences with a direction.
 _OF_DIFFERENCES = 1e-9
-# A component below this fraction of the largest one counts as next to 0.
+# Fraction of the largest component of y0 up to which a component counts as next to 0.
 _SMALL = 1e-3
-# Times at which a force that is 0 at the start is evaluated, because it may have set in.
+# Times at which f is evaluated if it is 0 at t = 0, because it may start later [time].
 _LATER = (1e-3, 1e-2, 0.1, 1.0, 10.0)
-# First step that is tried for a component next to 0, as a fraction of f.
+# First trial of a step of a component at or near 0, as fraction of f.
 _FIRST_STEP = 1e-3
-# Ratio of two consecutive steps that are tried.
+# Ratio of one trial step to the next one.
 _APART = 1024.0
-# Most steps that are tried.
+# Largest number of trial steps of a component.
 _MOST_TRIALS = 12
-# Relative change of f that exceeds rounding for certain.
+# Least change of f, as fraction of f, that counts as more than rounding errors.
 _CLEAR = 1e-5
 
 
@@ -47,17 +44,17 @@ def check_jacobian(
 def wrong_jacobian(
     rhs: Any, jac: Any, y0: np.ndarray, params: np.ndarray, structure: Any = None, t: float = 0.0
 ) -> str:
-    """Return a complaint if the Jacobian is not the derivative of `rhs` near y0; otherwise "".
+    """Return a complaint of a Jacobian that is not the derivative of `rhs` near y0; else "".
 
     Products of the Jacobian with directions are compared with differences of `rhs` along these
     directions. For a dense Jacobian the directions are the axes; with a `structure` there is one
     random direction. Without `jac` the entries of the structure are differences, and the check
     finds entries that the structure lacks.
 
-    A product is wrong at a point if it misses a difference by too much. That is ten times the
-    distance of two differences, of longer and of shorter steps. The Jacobian is refused if a
-    product is wrong at two of three points. Therefore a corner or a jump of `rhs` does not refuse
-    it, nor does a point outside of the domain of `rhs`.
+    Two differences, one with a longer and one with a shorter step, show how accurate they are. A
+    product is wrong at a point if it misses them by more than ten times their distance. The
+    Jacobian is refused if a product is wrong at two of three points. Therefore a corner or a jump
+    of `rhs` does not refuse it, nor does a point outside of the domain of `rhs`.
 
     Parameters
     ----------
@@ -113,12 +110,14 @@ def _deviation(
     directions: np.ndarray,
     lengths: np.ndarray,
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray] | None:
-    """Return which products are wrong, the products, and differences, (d, n); None if unknown.
+    """Return which products are wrong, the given products and the differences, each (d, n).
+
+    Returns None if f or the Jacobian raises or is not finite. There are n directions.
 
     Parameters
     ----------
     directions, lengths : ndarray, shape (n, d) and (n,)
-        Steps of difference quotients are proportional to direction times length.
+        A step of a difference is proportional to a length times its direction.
     """
     entries = np.empty((y.size, y.size)) if structure is None else structure.entries.copy()
     values, shifts = np.empty((2, 2, *directions.shape)), lengths[:, None] * directions
@@ -152,11 +151,12 @@ def _deviation(
 
 
 def units_of(rhs: Any, params: np.ndarray, y0: np.ndarray) -> np.ndarray:
-    """Return units of components, (d,), for steps of difference quotients where y is small.
+    """Return units of components, (d,), for the steps of differences where y is small.
 
-    The unit is the size of y0. For a component that is 0 at the start, or next to 0, it is a step
-    that moves f clearly and in proportion. It is 0 if there is no such step. In large systems all
-    components have the largest size, or that of f.
+    The unit is about the size of the component in y0. For a component at or near 0 it is a step
+    that changes f clearly and proportionally, or 0 if no such step is found. In systems of more
+    than `FEW` components all have one unit, the largest size of a component in y0. If y0 = 0 it is
+    that in f.
     """
     units = np.abs(y0)
     small = np.flatnonzero(units <= _SMALL * units.max())
@@ -186,8 +186,7 @@ def _visible_step(rhs: Any, params: np.ndarray, y0: np.ndarray, c: int) -> float
     for _ in range(_MOST_TRIALS if 0 < step < np.inf else 0):
         change, twice = (_moved(rhs, params, y0, c, by) - force for by in (step, 2 * step))
         linear = np.abs(twice - 2 * change) <= 0.1 * np.abs(twice) + 1e-13 * np.abs(force)
-        # f must be linear in the component in its own equation if it occurs there: other rows may
-        # contain its square alone
+        # test row c of f if component c occurs there: other rows may contain its square only
         if not (linear[c] if change[c] else linear.all()):
             if found:
                 return found

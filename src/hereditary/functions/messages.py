@@ -55,7 +55,7 @@ def writing_complaint(name: str, fun: FunctionType, error: Exception) -> str:
 
 
 def _place(fun: FunctionType, text: str) -> str:
-    """Return a clause that names the line in numba's report, or the function's first line."""
+    """Return a clause that names the line in numba's report, or else the first line of `fun`."""
     path = fun.__code__.co_filename
     file, whole = re.escape(Path(path).name), re.escape(path)
     found = re.search(rf'File "[^"]*{file}", line (\d+)|{whole} \((\d+)\)', text)
@@ -66,7 +66,7 @@ def _place(fun: FunctionType, text: str) -> str:
 
 
 def _reason(text: str) -> str:
-    """Return the most useful sentence of the report of numba.
+    """Return the most useful sentence of numba's report `text`.
 
     If numba tried several implementations of a call, the last error explains why none fits.
     Otherwise the first line is the most useful one.

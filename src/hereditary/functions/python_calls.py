@@ -1,9 +1,10 @@
-"""Calls of functions in Python from compiled code, for functions that numba cannot compile.
+"""Call functions that numba cannot compile from compiled code.
 
-A march calls functions with t, all components and an array for the values. For a function in Python
-it calls one compiled function, the same for all of them. This enters Python by the address of a C
-function, made by ctypes. Addresses are the last parameters, first that of the right-hand side and
-then that of the Jacobian. So nothing is compiled for a single function.
+Compiled code calls a user's function with t, all components, and an array for the values. If the
+function must run in Python, compiled code calls a compiled function instead, which is the same for
+all such functions. This one calls a C function, made by ctypes, which enters Python. The address of
+the C function follows the parameters of the equation: first that of the right-hand side, then that
+of the Jacobian. Therefore nothing is compiled for a single function.
 """
 
 import ctypes
@@ -21,9 +22,9 @@ from ..compiled.jit import RHS_SIG, as_value, compiled, derived
 from ..support.warning import warn
 from .messages import code_of
 
-# Number of addresses behind the parameters of an equation whose functions are called in Python.
+# Number of addresses after the parameters of an equation whose functions are called in Python.
 N_ADDRESSES = 2
-# Most views of storage, by address, that one function keeps; a march uses few.
+# Largest number of NumPy views of addresses that one callback keeps; a run uses few addresses.
 _VIEWS = 256
 # Time after which the timing of a function, for the warning, ends [seconds].
 _TIMED = 1e-3
@@ -52,7 +53,7 @@ class Callback:
     Parameters
     ----------
     name : str
-        Name of the argument that is the function.
+        Argument of the equation with the function, for messages.
     fill : callable
         ``fill(t, z, out)``, which sets `out` from the components z (n,), a read-only array.
     n : int
@@ -63,7 +64,8 @@ class Callback:
     Attributes
     ----------
     address : float
-        Address of the C function; exact, since addresses have fewer than 53 bits.
+        Address of the C function. A float represents it exactly, because addresses have fewer than
+        53 bits.
     """
 
     def __init__(
@@ -73,7 +75,7 @@ class Callback:
         n: int,
         shape: tuple[int, ...],
     ) -> None:
-        # one function without helpers, because it is called a million times
+        # one function without helpers, because a run may call it a million times
         components: dict[int, np.ndarray] = {}
         values: dict[int, np.ndarray] = {}
         kinds = ctypes.c_double * n, ctypes.c_double * int(np.prod(shape))
@@ -107,7 +109,7 @@ class Callback:
 def _view(
     known: dict[int, np.ndarray], address: int, kind: Any, shape: tuple[int, ...]
 ) -> np.ndarray:
-    """Return a view of the numbers at an address, and store it in `known`."""
+    """Return an array that views the numbers at an address, and store it in `known`."""
     if len(known) >= _VIEWS:
         known.clear()
     return known.setdefault(address, np.frombuffer(kind.from_address(address)).reshape(shape))

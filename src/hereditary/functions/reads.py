@@ -24,7 +24,7 @@ from numba.extending import is_jitted
 
 from ..compiled.numba_internals import options_of, stated_options
 
-# Folders of installed packages, whose files do not belong to the user.
+# Folders of installed packages and of Python's library; code in them is not the user's.
 _INSTALLED = tuple({sysconfig.get_path(name) for name in ("purelib", "platlib", "stdlib")})
 # Packages whose functions count by their names, without their code.
 _FOREIGN = frozenset({"numpy", "scipy", "numba", *sys.stdlib_module_names})
@@ -94,7 +94,7 @@ def _names_in(code: CodeType) -> Iterator[str]:
 
 
 def frozen_values(fun: FunctionType) -> tuple:
-    """Return the code of `fun` and its helpers with all values that they read, hashable."""
+    """Return the code of `fun` and of its helpers with all values that they read; hashable."""
     functions = [fun]
     held: list[Any] = []
     for function in functions:  # the loop appends helpers
@@ -130,7 +130,7 @@ class _Itself:
 
 
 def _contents(value: Any) -> tuple | None:
-    """Return the contents of an array, a number or a text, hashable; None for any other value."""
+    """Return a hashable form of an array, a number or a text; None for any other type."""
     if isinstance(value, np.ndarray) and not value.dtype.hasobject:
         return value.shape, value.dtype.str, hashlib.sha256(value.tobytes()).hexdigest()
     return (type(value).__name__, repr(value)) if isinstance(value, _PLAIN) else None
@@ -164,9 +164,9 @@ def _digest_of_frozen(frozen: tuple, package: str) -> str:
 
 
 class _Digests:
-    """Digests of values and their parts, each computed once.
+    """Digests of values and of their parts; the digest of each object is computed once.
 
-    `own` are installed packages whose functions are represented by their code.
+    `own` are packages whose functions count by their code even if they are installed.
     """
 
     def __init__(self, own: set[str]) -> None:
@@ -202,12 +202,12 @@ class _Digests:
         return f"{kind} of {len(parts)}: {sorted(digests) if kind == 'set' else digests}"
 
     def _looked_into(self, function: FunctionType) -> bool:
-        """Return whether the digest of a function covers its code and the values that it reads."""
+        """Return whether a function counts by its code and what it reads, not by its name."""
         package, path = _package(function), function.__code__.co_filename
         return package not in _FOREIGN and (package in self._own or not _installed(path))
 
     def _taken_apart(self, value: Any) -> tuple[str, Collection[Any]]:
-        """Return a name for the kind of a value, and the parts that its digest covers."""
+        """Return a name for the type of a value, and the parts that determine its contents."""
         if isinstance(value, tuple | list):
             return "list", value
         if isinstance(value, set | frozenset):
@@ -242,8 +242,8 @@ def _name(value: Any) -> str:
 def fresh(fun: Any, own_options: dict[str, Any], helper_options: dict[str, Any]) -> Any:
     """Return a dispatcher for a copy of `fun` that calls fresh copies of its helpers.
 
-    A dispatcher keeps the code that it compiled first, with the values and options of that time.
-    Helpers that are attributes of a module are not copied.
+    A dispatcher never compiles again: it keeps the values and options of its first compilation.
+    Helpers that `fun` reads as attributes of a module are not copied.
 
     Parameters
     ----------
@@ -291,7 +291,7 @@ def _copied(fun: Any, make: Callable[[FunctionType, Any], Any]) -> Any:
 
 
 def _blank(plain: FunctionType) -> FunctionType:
-    """Return a function with the code of `plain`, and with empty globals and closure."""
+    """Return a function with the code of `plain`, but with empty globals and closure."""
     inherited = ("__name__", "__builtins__")
     known = {name: plain.__globals__[name] for name in inherited if name in plain.__globals__}
     cells = tuple(CellType() for _ in plain.__closure__ or ())

@@ -1,12 +1,10 @@
-"""Parts of the march on given steps.
-
-A block of steps is opened, known terms are added, the memory is started, and rows are written.
-"""
+"""Parts of a march outside a step: open a block, store start values, write the solution."""
 
 from ..compiled.jit import I8, IVEC, MAT, VEC, entry, inner
 from .signatures import MARCH_MEMORY
 
-# Ratio of two consecutive steps from which on no parabola through them determines the slope.
+# Largest ratio of the sizes of two neighbouring steps at which the slope of the solution is that of
+# a parabola. Beyond this ratio it is the slope of the line through the last two values.
 _STEEP = 8.0
 # Statuses that a march returns.
 RUNNING = 0  # the march can go on
@@ -16,7 +14,10 @@ NOT_SOLVED = 2  # the equations of a step could not be solved
 
 @inner
 def open_block(lag, pieces, n, groups, weights, memory):
-    """Set the lag of the block that begins with step n, and move the newest piece to its front."""
+    """Set the lag (W, B) of the block from step n on, and move the newest piece to its front.
+
+    `pieces` (W, B + 1) are those of the finished block, `weights` (C, B + 2) those inside a block.
+    """
     newest = pieces.shape[1] - 1
     for c in range(lag.shape[0]):
         w = weights[groups[c]]
@@ -30,7 +31,7 @@ def open_block(lag, pieces, n, groups, weights, memory):
 
 @inner
 def keep_jacobian(m, t, k):
-    """Store the Jacobian of a step as number k."""
+    """Store the Jacobian of the orbit at time t as number k of the output."""
     right, orbit = m.right, m.state.x[: m.table.n_orbit]
     out = m.output.jacobians[k]
     m.state.counts.rhs += right.jacobian(right.user, t, orbit, m.room.units, out)
@@ -66,10 +67,11 @@ def begin_others(m):
 
 @inner
 def write_row(m, k, h, ratio):
-    """Write row k, and the slope at its end of the parabola through the last three values.
+    """Write the solution and its slope at the end of a step to row k of the output.
 
-    If the step is more than _STEEP times longer or shorter than the one before, the slope is that
-    of a line.
+    h is the size of the step, and `ratio` is h over the size of the step before. The slope is that
+    of the parabola through the last three values. If the two sizes differ by more than a factor of
+    `_STEEP`, it is the slope of the line through the last two.
     """
     rows, slopes = m.output.rows, m.output.slopes
     x, u, d = m.state.x, m.state.increment, m.state.change
@@ -80,7 +82,7 @@ def write_row(m, k, h, ratio):
 
 @inner
 def bounded(x):
-    """Return whether all values of x are finite and far from overflow."""
+    """Return whether all components of x are finite and below 1e300 in size."""
     for c in range(x.shape[0]):  # noqa: SIM110 (numba takes no generator here)
         if not abs(x[c]) < 1e300:
             return False
@@ -89,13 +91,16 @@ def bounded(x):
 
 @entry(MAT, MAT, I8, IVEC, MAT, MARCH_MEMORY)
 def open_lag(lag, pieces, n, groups, weights, memory):
-    """Call `open_block`, compiled as an entry for Python."""
+    """Set the lag of a block as `open_block` does; this function is for calls from Python."""
     open_block(lag, pieces, n, groups, weights, memory)
 
 
 @entry(I8, VEC, VEC, MAT, MAT)
 def close_piece(p, weights, piece, lag, pieces):
-    """Store the piece (W,) of step p, and add it to the lags of later steps of the block."""
+    """Store the piece (W,) of step p of a block, and add it to the lag of later steps in the block.
+
+    `weights` (B + 2,) are the weights W_k inside a block, lag is (W, B), and pieces (W, B + 1).
+    """
     for c in range(piece.shape[0]):
         pieces[c, p + 1] = piece[c]
         for k in range(2, lag.shape[1] - p):

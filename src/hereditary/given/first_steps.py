@@ -12,9 +12,9 @@ from functools import cached_property
 import numpy as np
 from scipy.special import rgamma
 
-# Time that stands for 0 where the slope at 0 is evaluated.
+# Time at which the slope is evaluated instead of 0, where powers below 1 have no slope.
 _NEXT_TO_0 = 1e-200
-# A slope at 0 whose size exceeds this counts as infinite.
+# Slope at `_NEXT_TO_0` above which the slope at 0 is returned as infinite.
 _STEEP = 1e12
 
 
@@ -24,7 +24,7 @@ def starting_steps(stepper):
     None also if orders vary, or if a term is of Riemann-Liouville type.
     """
     system = stepper.system
-    # Riemann-Liouville terms start with lower powers of t, which the interpolation below lacks
+    # with Riemann-Liouville terms solutions begin with lower powers, which FirstSteps does not have
     if stepper.n > 1 or not system.constant or any(op.from_zero for op, _ in system.left):
         return None
     return FirstSteps(system, stepper.steps.times(np.array([1.0, 2.0])))
@@ -52,13 +52,13 @@ class FirstSteps:
 
     @cached_property
     def _powers(self):
-        """Highest order alpha, the factor a, and r for each component, (d,); few runs need them."""
+        """alpha, a and r of the module's docstring for each component, (d,)."""
         alpha = self._system.highest_orders()[: self._system.n_solved]
         more = np.where(alpha >= 1, 2.0, np.minimum(1.0, 2 * alpha))
         return alpha, _leading(self._system), more
 
     def end(self, n, y):
-        """Record that step n, 1 or 2, ends at y."""
+        """Store y (d,), the solution at the end of step n, which is 1 or 2."""
         self._values[n - 1] = y
 
     def inside(self, n, times):
@@ -94,7 +94,7 @@ class FirstSteps:
 
 
 def _leading(system):
-    """Return the factor a of ``t**alpha``, (n_solved,), or 0 if f has no value at 0."""
+    """Return the factors a of t**alpha, (n_solved,); 0 if the right-hand side has no value at 0."""
     f, alpha = np.full(system.d, np.nan), system.highest_orders()
     with suppress(Exception):  # if the march needs f at 0, the march reports the exception
         f = system.force(0.0, system.at_start)

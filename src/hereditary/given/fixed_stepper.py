@@ -50,22 +50,23 @@ from .steps import before_break, break_steps, rows_beside
 BLOCK = 32
 # Rounding error of y, relative to y.
 _ROUNDED = 1e-13
-# Seconds that one call of the compiled march takes. Between calls Ctrl-C is checked and the
-# progress bar drawn. Entering the march takes 0.04 ms.
+# Seconds that one call of the compiled march lasts, between two checks for Ctrl-C and the progress
+# bar. Entering the march costs 0.04 ms.
 _SECONDS = 0.1
-# Most numbers in the rows of one call, so that they remain in a near cache.
+# Most steps in one call of the compiled march, times components. The solution of all these steps
+# then fits in a near cache of the processor.
 _NUMBERS = 1 << 15
-# Steps that one call may compute whatever the number of their rows.
+# One call of the compiled march may make this many steps even if `_NUMBERS` allows fewer.
 _LEAST = 32
-# Most steps of one call if an event may cut it short.
+# Most steps in one call of the compiled march if an event may end the call early.
 _SHORT = 256
 
 
 class FixedStepper(ResumableStepper, TangentStepper, JumpingStepper):
     """A march of one equation with one scheme and one history on given steps.
 
-    It may solve tangents as well: the derivatives of every step along given directions. At any step
-    they, and all of their memory, can be replaced by linear combinations.
+    It can also compute tangents, the derivatives of the solution along given directions. At any
+    step linear combinations of the tangents can replace the tangents.
 
     Parameters
     ----------
@@ -74,7 +75,7 @@ class FixedStepper(ResumableStepper, TangentStepper, JumpingStepper):
     history : History
     steps : UniformSteps or MeshSteps
     n_steps : int
-        Number of steps of the whole run, for which histories prepare.
+        Number of steps of the whole run, which the history must cover.
     directions : ndarray, shape (n_data, k), optional
         Derivatives of the initial data along k directions. Rows for y(0) come first, then a row for
         y'(0) of each component of order above 1.
@@ -109,7 +110,7 @@ class FixedStepper(ResumableStepper, TangentStepper, JumpingStepper):
         self._breaks: frozenset[int] = frozenset()
 
     def _inside(self, system):
-        """Return the system that the scheme solves: a reduced one, or `system` itself."""
+        """Return the system that the march solves: the scheme's reduced one, or `system`."""
         return self.scheme.reduction(system) or system
 
     def _planned(self, system):
@@ -118,7 +119,7 @@ class FixedStepper(ResumableStepper, TangentStepper, JumpingStepper):
         return with_initial_values(self.steps.plan(self.scheme, system), system, order)
 
     def _begin(self, plan):
-        """Open a memory for a plan, and allocate the arrays of a march at step 0."""
+        """Open the history's memory for a plan, and set up the march at step 0."""
         self.memory = self.history.open(plan.past, plan.groups.size, self._block, self._span)
         self._loop, system = MARCHES[self.scheme.solve], self._marched
         self._past, self._rows, self._lasting = plan.past, plan.rows, plan.lasting
@@ -143,7 +144,7 @@ class FixedStepper(ResumableStepper, TangentStepper, JumpingStepper):
         self._stand_at_start(plan)
 
     def _stand_at_start(self, plan, columns=slice(None)):
-        """Set the march to step 0, with an empty memory and these columns of a plan."""
+        """Set the march to step 0 with an empty memory, from the selected columns of a plan."""
         orders, x = self.system.highest_orders(), plan.initial[columns].copy()
         width, none = x.size, np.zeros((0, plan.initial.size))
         drift, corrections, starts = (
@@ -173,7 +174,10 @@ class FixedStepper(ResumableStepper, TangentStepper, JumpingStepper):
         self._right = self._marched.compiled
 
     def set_breaks(self, times, t_end):
-        """Let the steps next to these times evaluate f on their own side of a jump."""
+        """Let each step next to a jump of f evaluate f on its own side of the jump.
+
+        `times` (k,) are the times of the jumps up to `t_end`.
+        """
         self._breaks = break_steps(times, self.t, t_end, self.steps, self.system.frame.start)
 
     def prepare(self, n_end):
@@ -183,10 +187,10 @@ class FixedStepper(ResumableStepper, TangentStepper, JumpingStepper):
         self.memory.prepare(n_end)
 
     def advance(self, stop, keep=True):
-        """Make some steps towards step `stop`, for about a tenth of a second.
+        """Make steps towards step `stop`, as many as take about a tenth of a second.
 
-        Return them as `StepPieces`, or None if no step is made or `keep` is false. If the
-        right-hand side raises, the steps before the failure are made, and `trouble` says so.
+        Return the steps as `StepPieces`, or None if no step was made or `keep` is false. If the
+        right-hand side raises, the steps before the failing one stay, and `trouble` reports it.
         """
         n, d = self.n, self.system.n_solved
         n_more = min(int(stop) - n, self._steps_at_once())
@@ -207,7 +211,11 @@ class FixedStepper(ResumableStepper, TangentStepper, JumpingStepper):
         return StepPieces(times, rows[: made + 1], slopes[: made + 1], starting, n)
 
     def _steps_at_once(self):
-        """Return the number of steps of one call, from the time of earlier steps or of one f."""
+        """Return the number of steps to make in one call of the compiled march.
+
+        It follows from the measured time of earlier steps. Before the first step it follows from
+        the time of one call of f.
+        """
         system = self._marched
         if self._seconds == 0.0:
             began = time.perf_counter()
@@ -220,7 +228,10 @@ class FixedStepper(ResumableStepper, TangentStepper, JumpingStepper):
         return int(min(max(_SECONDS / self._seconds, 1), most))
 
     def _march_to(self, n_end, rows, slopes):
-        """March to step `n_end`, and write the rows (k, d) of the steps; write none if k = 0."""
+        """March to step `n_end`, and write solution and slopes of its k steps, or none for k = 0.
+
+        Each row of `rows` and `slopes`, (k, d), belongs to the end of one step.
+        """
         self.prepare(n_end)
         first = self.n
         while self.n < n_end:
@@ -275,7 +286,7 @@ class FixedStepper(ResumableStepper, TangentStepper, JumpingStepper):
     def ydot(self):
         """First derivative at `t`, from the newest two increments, shape (d,)."""
         slope = self._slopes()[: self.system.n_solved]
-        # before the first step only components with a given initial derivative have a slope
+        # before the first step only components with an initial derivative have a slope
         known = self.n > 0 or (self.system.m == 1 and not self.system.frame.speeds)
         return slope if known else np.where(self.system.second, slope, np.nan)
 
@@ -302,14 +313,14 @@ class FixedStepper(ResumableStepper, TangentStepper, JumpingStepper):
 
     @property
     def health(self):
-        """Whether steps exceed their stability limit, and whether kernels keep the tolerance."""
+        """Whether steps exceed their stability limit, and whether kernels meet their tolerance."""
         status = self._instability()
         seen = (int(self._march.counts[name]) for name in ("zigzag", "growth"))
         remedy = status and remedy_of(self.system, self.scheme, self.h, self._watch, *seen)
         return Health(status, remedy or "", self._misfit)
 
     def _instability(self):
-        """Status of steps that exceed their stability limit, otherwise None."""
+        """Return the status of a march beyond its stability limit; None for a stable march."""
         if self.scheme.is_map:
             return None
         if self._march.counts["zigzag"] >= 0:
@@ -335,12 +346,12 @@ class FixedStepper(ResumableStepper, TangentStepper, JumpingStepper):
         }
 
     def checkpoint(self):
-        """Return copies of everything that a step changes, for `come_back` and `state`."""
+        """Return copies of the march's state, its memory and its stability watch."""
         march = tuple(plain(part).copy() for part in self._march)
         return march, self.memory.state(), (self._watch.largest, self._watch.step)
 
     def come_back(self, checkpoint):
-        """Return to the step at which `checkpoint` was taken."""
+        """Return the march to the step at which `checkpoint` was taken."""
         (counts, *parts), memory, watched = checkpoint
         march = March(record(MARCH_COUNTS, tuple(counts[0])), *(part.copy() for part in parts))
         monitor = records([tuple(row) for row in march.monitor], MONITOR)
@@ -352,7 +363,7 @@ class FixedStepper(ResumableStepper, TangentStepper, JumpingStepper):
         self._refactorise()
 
     def _refactorise(self):
-        """Factorise the matrix in use again, after the march returned to another step."""
+        """Factorise the matrix of a restored march again, if its factors are in use."""
         if self._march.counts["kept"]:
             solver, tables = self._newton.solver, self._newton.tables
             room = np.empty(tables.order.size)
@@ -364,12 +375,12 @@ class FixedStepper(ResumableStepper, TangentStepper, JumpingStepper):
         return Stop(step, self.steps.time(step))
 
     def state(self):
-        """Return a `State` from which a later run continues bit for bit."""
+        """Return a `State`; a run resumed from it gives the same floats as an unbroken run."""
         how = replace(self.steps.until(self.n), span=self._span)
         return state_of(self, self.scheme, how, self.history)
 
     def restore(self, state, allow_change=False):
-        """Continue from `state`; `allow_change` admits another right-hand side or parameters."""
+        """Go on from `state`; `allow_change` admits a right-hand side other than the state's."""
         changed = check_identity(state.identity, self.identity(state.t), allow_change)
         self.come_back(state.checkpoint)
         if changed:
@@ -377,7 +388,7 @@ class FixedStepper(ResumableStepper, TangentStepper, JumpingStepper):
             self._forget_explicit()
 
     def identity(self, t):
-        """Return the properties that a run to time t shares with a run that resumes it."""
+        """Return a description of a run to time t, which a run that resumes it must match."""
         how = {"scheme": described(self.scheme), "history": described(self.history)}
         return identity(self.system, t, **how)
 
@@ -398,8 +409,8 @@ class FixedStepper(ResumableStepper, TangentStepper, JumpingStepper):
     def transform_tangent(self, matrix):
         """Replace the tangents by linear combinations, ``tangent <- tangent @ matrix``.
 
-        Everything that is linear in the tangents is combined: initial values, increments, the open
-        block and all of the memory. So the result is that of a march from the combined initial
+        Every array that is linear in the tangents is combined too: initial values, increments, the
+        open block and the memory. The result is that of a march from the combined initial
         directions.
 
         Parameters
@@ -411,7 +422,10 @@ class FixedStepper(ResumableStepper, TangentStepper, JumpingStepper):
         transform_march(self._march, self.memory.arrays, *how)
 
     def grow(self, stop, schedule):
-        """Make steps as `advance` does; compiled code makes the tangents orthonormal meanwhile."""
+        """Make steps as `advance` does, and orthonormalise the tangents when `schedule` says so.
+
+        Return the solution and the logarithms of growth as `Grown`. The loop is compiled.
+        """
         schedule["lasting"] = self._lasting
         grown, march = [np.empty((0, 1 + self.n_tangents))], self._loop
         growth = Renormalisations(
@@ -430,10 +444,7 @@ class FixedStepper(ResumableStepper, TangentStepper, JumpingStepper):
         return Grown(piece, np.vstack(grown), self._status == LOST)
 
     def parts(self):
-        """Return every array of the march and its memory that is linear in the solution.
-
-        These are not copies.
-        """
+        """Return the arrays of march and memory that are linear in the solution, not copies."""
         march = self._march
         others = {id(part) for part in (march.counts, march.monitor, march.newton)}
         return [*(part for part in march if id(part) not in others), *self.memory.arrays]
@@ -456,16 +467,16 @@ class FixedStepper(ResumableStepper, TangentStepper, JumpingStepper):
             refuse("events and changes", required, f"a change with {acting[0]}")
 
     def set_y(self, y):
-        """Let y jump to these values, (d,), at the present time; no memory sees the jump."""
+        """Set y to these values, (d,), at the present time; the memory does not see the jump."""
         self._march.x[: self.system.n_solved], self._jumped = y, True
         self._forget_explicit()
         self._renew_force()
 
     def _renew_force(self):
-        """Set the newest piece to f behind a jump of y, if pieces are values of f.
+        """Replace the newest piece by f after a jump of y, if the pieces are values of f.
 
-        Only components of order 1 are changed: for other orders the last step keeps f before the
-        jump. If f raises, the march meets the exception again, and keeps what was computed.
+        Only components of order 1 are changed; the step before the jump is not. If f raises,
+        nothing is changed, because the march calls f again and reports the exception.
         """
         table, march, system = self._table, self._march, self._marched
         n, newest = table.n_orbit, self.n - 1
@@ -485,7 +496,7 @@ class FixedStepper(ResumableStepper, TangentStepper, JumpingStepper):
         ahead += table.weights[table.groups[:n], 2 : 2 + ahead.shape[1]] * jump[:, None]
 
     def _forget_explicit(self):
-        """Keep the next step from extrapolating f across a jump (given/newton.py)."""
+        """Keep the next IMEX step from extrapolating f across a jump (given/newton.py)."""
         if self.scheme.solve == "imex":
             self._march.force[:] = np.nan
 
@@ -495,7 +506,7 @@ class FixedStepper(ResumableStepper, TangentStepper, JumpingStepper):
 
 
 def _renormalising(growth, grown, march, end):
-    """Enter the loop of renormalisations, with the arguments of a march; append to `grown`."""
+    """Call `grow` in place of the march, and append its logarithms of growth to `grown`."""
     rows = np.empty((end - march.work.output.first, 1 + growth.columns.shape[1]))
     try:
         return grow(march, growth._replace(grown=rows), end)

@@ -1,9 +1,9 @@
 """Growth of tangents: Benettin's loop (stepping/stepper.py) around a march on given steps.
 
-The first d columns are the orbit, the next d the first tangent, and so on. Phi has the values of
-the tangents, and their slopes for components whose initial derivative is given. At intervals the
-loop computes ``Phi = Q R``, and multiplies everything that is linear in the tangents by the inverse
-of R.
+Arrays have d columns of the orbit, then d columns of each of k tangents. The matrix Phi (n_data, k)
+has the values of the tangents and, for components of order above 1, their slopes. At intervals the
+loop computes ``Phi = Q R``. Then it multiplies every array that is linear in the tangents by the
+inverse of R.
 """
 
 from typing import Annotated, Any, NamedTuple
@@ -17,18 +17,19 @@ from ..compiled.schedule import SCHEDULE, due, note
 from .block import RUNNING
 from .signatures import GIVEN_MARCH, MARCH_SIG, MARCH_STATE, MEMORY
 
-# Status of a march whose tangents overflowed or vanished; given/block.py has the other statuses.
+# Status of a march whose tangents overflowed or vanished; other statuses are in given/block.py.
 LOST = 3
-# Number of steps that read data of the start alone. Later steps read only lasting data.
+# Number of steps after which a march no longer reads start values, nor corrections of its first
+# steps unless these are lasting.
 _FIRST_STEPS = 8
 
 
 @inner
 def triangle(columns, inverse):
-    """Set `inverse` (k, k) to that of R in ``columns = Q R``; columns become Q.
+    """Factorise ``columns = Q R`` with a positive diagonal of R; return whether this succeeded.
 
-    The diagonal of R is positive. Return whether the inverse exists: columns (n, k) are finite and
-    independent.
+    `columns` (n, k) become Q, and `inverse` (k, k) the inverse of R. The factorisation fails if the
+    columns are not finite or not independent.
     """
     n, k = columns.shape
     for j in range(k):
@@ -41,8 +42,8 @@ def triangle(columns, inverse):
             return False
         for c in range(n):
             columns[c, j] /= largest
-        # row m of column j of the inverse of R is -(inverse of R) r_j, computed while columns are
-        # made orthogonal
+        # the steps that orthogonalise column j, applied to the unit matrix, give column j of the
+        # inverse of R
         for m in range(k):
             inverse[m, j] = 0.0
         for i in range(j):
@@ -81,7 +82,10 @@ def read_tangents(state, table, above, columns):
 
 @inner(allocates=True)
 def combine(array, d, matrix):
-    """Replace the columns of tangents, rows of `array` (W, n), by linear combinations."""
+    """Replace the tangents by their linear combinations, in the rows of `array` (W, n).
+
+    The first d rows belong to the orbit, the next d to the first tangent; `matrix` is (k, k).
+    """
     k, n = matrix.shape[0], array.shape[1]
     if k == 1:
         for c in range(d, 2 * d):
@@ -104,9 +108,9 @@ def combine(array, d, matrix):
 
 @inner
 def combine_tangents(state, memory, d, lasting, matrix):
-    """Combine everything that is linear in the tangents by a matrix (k, k)."""
+    """Replace tangents by linear combinations in all arrays of march and memory; matrix (k, k)."""
     if state.counts.step > _FIRST_STEPS:
-        # arrays that only the first steps read would grow without end as tangents decay
+        # values that only the first steps use would overflow if the tangents decay
         forget(state.starts, d)
         if lasting == 0:
             forget(state.corrections, d)
@@ -120,7 +124,7 @@ def combine_tangents(state, memory, d, lasting, matrix):
 
 @inner
 def forget(array, d):
-    """Set the columns behind the first d to 0."""
+    """Set the rows of `array` behind the first d, those of the tangents, to 0."""
     for c in range(d, array.shape[0]):
         for i in range(array.shape[1]):
             array[c, i] = 0.0
@@ -133,11 +137,12 @@ def transform_march(state, memory, d, lasting, matrix):
 
 
 class Renormalisations(NamedTuple):
-    """Functions and arrays with which a march renormalises its tangents.
+    """Functions and arrays for the renormalisations of k tangents during a march.
 
-    - above (.,): components whose initial slopes are given.
-    - columns (n_data, k): the matrix Phi; inverse (k, k): that of R.
-    - grown (n, 1 + k): the step and the k logarithms of each renormalisation.
+    - march: the compiled march; schedule: when renormalisations are due.
+    - above (.,): components of order above 1, whose slopes are part of Phi.
+    - columns (n_data, k): Phi, or Q; inverse (k, k): the inverse of R.
+    - grown (n, 1 + k): for each renormalisation its step, and the logarithms of R's diagonal.
     """
 
     march: Annotated[Any, FunctionField(MARCH_SIG)]
@@ -153,7 +158,7 @@ class Renormalisations(NamedTuple):
     announced="the growth of tangents", allocates=False,
 )  # fmt: skip
 def grow(march, growth, end):
-    """March to step `end` with renormalisations; return how the march ended."""
+    """March to step `end`, and orthonormalise the tangents when due; return the march's status."""
     m, schedule, columns, inverse = march.work, growth.schedule, growth.columns, growth.inverse
     state = m.state
     schedule["made"] = 0

@@ -5,13 +5,13 @@ import numpy as np
 from ..compiled.jacobian import FEW, VALUES
 from .stability import longest_step
 
-# Most components whose Jacobian is watched. Beyond, dense Jacobians would take longer than the
-# march, and more storage.
+# Most components for which stability is watched by dense Jacobians. Beyond it they would take more
+# time and storage than the march.
 _MOST = 2000
-# Fraction of the longest stable step that a message states, so that the step, rounded to two
-# digits, is stable.
+# The step that a message recommends, as a fraction of the longest stable step. Rounded to two
+# digits it is still stable.
 _BELOW = 0.9
-# Shortest step that a message states, as a fraction of the step of the run.
+# Shortest step that a message recommends, as a fraction of the run's step.
 _LEAST = 1e-6
 
 
@@ -21,7 +21,7 @@ class JacobianWatch:
     Parameters
     ----------
     region : StabilityRegion or None
-        Stability region of the scheme; None if every step is stable.
+        Region of stability of the scheme; None for a scheme without a step limit.
     system : System
     block : int
         Steps in a block of the march.
@@ -33,9 +33,10 @@ class JacobianWatch:
     largest : float
         Largest ratio of an eigenvalue to its limit, of all Jacobians so far.
     step : int
-        Step near which this ratio occurred.
+        Step near which the largest ratio was found.
     watches : bool
-        False for very many components without known entries, for which no ratio is computed.
+        False if no ratios are computed, because dense Jacobians of so many components would be too
+        large.
     """
 
     def __init__(self, region, system, block):
@@ -47,7 +48,7 @@ class JacobianWatch:
         self.largest, self.step = 0.0, 0
 
     def room(self, n, n_end):
-        """Return an array for the Jacobians of the steps from n to before n_end."""
+        """Return an array for the Jacobians that the march computes in steps n to n_end - 1."""
         if self._region is None:
             return np.zeros((0, 0, 0))
         self._first = self._before(n)
@@ -57,7 +58,10 @@ class JacobianWatch:
         return np.tile(self._structure.entries, (count, 1, 1))
 
     def note(self, jacobians, n):
-        """Update the ratio by the Jacobians that the march up to step n has stored."""
+        """Update the largest ratio from the Jacobians that the march to step n has computed.
+
+        `jacobians` is the array that `room` returned.
+        """
         made = self._before(n) - self._first if self._region else 0
         if self._region is None or made == 0:
             return
@@ -77,8 +81,9 @@ class JacobianWatch:
 def remedy_of(system, scheme, h, watch, zigzag, growth):
     """Return a clause of a message: how steps h showed their instability, and what to use instead.
 
-    `zigzag` is the step at which an alternation from step to step was sustained. At step `growth`
-    the changes had grown from turn to turn. Each is below 0 if this did not happen.
+    `zigzag` is the step at which the watch noted a lasting zigzag of the increments. `growth` is
+    the step at which it noted that increments had grown from turn to turn. Both are -1 if the watch
+    noted nothing (given/watch.py).
     """
     found, start = [], system.frame.start
     if zigzag >= 0:
@@ -95,7 +100,7 @@ def remedy_of(system, scheme, h, watch, zigzag, growth):
         return seen + smaller
     if watch.largest > 1:
         step = longest_step(scheme, system, h, watch.largest)
-        # a still shorter step comes from an orbit that blows up, or would take days
+        # the message names no shorter step: it would come from a blow-up, or take days
         smaller += f", h = {_BELOW * step:.2g} would do" if step > _LEAST * h else ""
     implicit = "BDF(2)" if system.constant else "L1()"
     if system.n_solved > FEW and system.structure is None:

@@ -1,4 +1,4 @@
-"""Linear solvers of Newton's matrix, with their storage."""
+"""Linear solvers for Newton's matrix, with their tables and matrices."""
 
 from typing import Any, NamedTuple
 
@@ -11,9 +11,11 @@ from ..compiled.signatures import SOLVER_SIG, LinearSolver
 
 
 class NewtonSetup(NamedTuple):
-    """Linear solver of Newton's method, its tables, and storage for the matrices.
+    """Linear solver of Newton's method.
 
-    `held` are objects that must exist as long as compiled code may enter Python.
+    - solver: the compiled function; tables: its tables.
+    - room: array for the Jacobian and the matrices, `March.newton`.
+    - held: keeps a reference to the Python function that `solver` may call.
     """
 
     solver: Any
@@ -22,10 +24,10 @@ class NewtonSetup(NamedTuple):
     held: Any = None
 
     def taken_over(self, march):
-        """Return the storage with the matrices of a restored march.
+        """Return `room` with the matrices of a restored march.
 
-        If the entries differ, as those of another equation do, the stored factors are no longer
-        used.
+        If the entries of a sparse Jacobian are at other places, the march's factors are invalid.
+        Then the next step factorises its matrix again.
         """
         kept, room = march.newton, self.room
         if kept.shape == room.shape and kept.shape[1] == kept.shape[2]:
@@ -41,9 +43,9 @@ class NewtonSetup(NamedTuple):
 def newton_of(structure, d, tangents, solve, exact):
     """Return the `NewtonSetup` for d components of an orbit, with tangents or without.
 
-    `solve` is that of the scheme. `exact` says whether one iteration suffices. Newton's method
-    solves systems of few components without the solver, which then serves their tangents alone.
-    Arrays are empty if no Jacobian is needed.
+    `solve` is that of the scheme; `exact` means that one iteration solves a step. For at most `FEW`
+    components Newton's method eliminates by itself, and the linear solver is for the tangents only.
+    `NewtonSetup.room` is empty if no step needs a Jacobian.
     """
     implicit = solve in ("newton", "imex")
     slots = 1 + int(tangents)

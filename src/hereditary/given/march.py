@@ -1,19 +1,19 @@
 """The march on given steps: one source, compiled once for each way of solving a step.
 
-Here ``x_(n+1) = x_n + shift + w_n``, with shift = x'(0) times the step's length where the pieces
-leave it out. Every step is opened, which computes its known part. It is then solved for w_n,
+The solution is ``x_(n+1) = x_n + shift + w_n``. shift is x'(0) times the step's length if the
+pieces leave out t x'(0), otherwise 0. A step computes its known terms and solves for w_n:
 
     scale w_n + near p_(n-1) + lag_n + lead forcing = lead f(t, x_n + theta (shift + w_n))
 
-and closed: the piece p_n, which is w_n or the value of f, is added to the lags of later steps of
-its block. The history adds pieces older than a block. The explicit step, theta = 0 and scale = 1,
-is solved for ``w_n - w_(n-1)``. So rounding stays at 1e-13 where x_(n+1) - 2 x_n + x_(n-1) would
-lose it.
+Its piece p_n is w_n, or the value of f. The piece is then added to the lags of later steps in the
+same block. The history adds the pieces of earlier blocks. Explicit steps have theta = 0 and
+scale = 1, and are solved for ``w_n - w_(n-1)``. This keeps rounding errors at 1e-13, where
+computing x_(n+1) - 2 x_n + x_(n-1) would lose digits.
 
-Memory that f reads has columns behind those with an equation. They use the increments of their
-sources, so the known part of such a column is the derivative: ``scale w_n + ... = lead D^gamma x``.
-It is read at the time of the step, or, in an explicit step, stored for the next one. All arithmetic
-depends on absolute step numbers, so interruptions do not change a march.
+Memory that f reads has columns of its own, behind those with an equation. Such a column uses the
+increments of its source, and its sum is the memory: ``scale w_n + ... = lead D^gamma x``. An
+implicit step reads this memory at its own time. An explicit step computes it for the next step.
+Blocks depend on absolute step numbers, so results do not depend on where a march was interrupted.
 """
 
 from ..compiled.jit import I8, as_value, entry
@@ -157,7 +157,10 @@ MARCHES = {
 
 
 def march_of(work, way):
-    """Return the march of these arrays, which solves steps in this way, with its functions."""
+    """Return a `GivenMarch` of the work and of the tangents' functions that it needs.
+
+    `way` is a key of `MARCHES`.
+    """
     tangents = work.state.x.size > work.table.n_orbit
     solve = solve_tangents if tangents and way == "newton" else no_tangents_solved
     push = push_tangents if tangents else push_nothing

@@ -1,6 +1,7 @@
-"""Stepper of an ensemble: one member after the other; what members share is computed once.
+"""The stepper of an ensemble, which marches one member after the other.
 
-Members differ in parameters and initial values. They share weights, modes and stability limits.
+Members differ in parameters and initial values. They share weights, modes and stability limits,
+which are computed once.
 """
 
 from contextlib import suppress
@@ -25,12 +26,13 @@ class MemberStepper(FixedStepper):
     y0 : ndarray, shape (E, m, d)
         Initial values of each member.
     plan : Plan, optional
-        The attribute `plan` of another `MemberStepper`.
+        The attribute `plan` of another stepper of the same ensemble.
 
     Attributes
     ----------
     plan : Plan or None
-        The plan of the scheme for all members side by side; None if each needs a separate plan.
+        The scheme's plan for the components of all members, joined to one system. None if each
+        member needs a plan of its own.
     """
 
     def __init__(self, system, scheme, history, steps, n_steps, params, y0, plan=None):
@@ -41,7 +43,7 @@ class MemberStepper(FixedStepper):
                 self.plan = self._plan_of_all()
 
     def _plan_of_all(self):
-        """Return the plan of the scheme for all members side by side."""
+        """Return the scheme's plan for the components of all members, joined to one system."""
         members = zip(self._y0, self._params, strict=True)
         systems = [self._inside(displaced(self.system, *member)) for member in members]
         return self._planned(side_by_side(systems))

@@ -1,6 +1,7 @@
-"""Solution of one implicit step, with the linear solver that the march has chosen.
+"""Solution of one implicit step.
 
-Newton's method solves it. If only a constant matrix is implicit, one linear system suffices.
+Implicit schemes use Newton's method. IMEX schemes solve one linear system, because only a constant
+matrix is implicit. The linear solver is a function that the march gets from Python.
 """
 
 import numpy as np
@@ -19,51 +20,55 @@ from ..compiled.linalg import solve_in_place
 from ..compiled.signatures import FACTORISE, SUBSTITUTE
 from .step import look
 
-# Most Newton iterations of a step.
+# Newton iterations after which a step counts as not solved.
 _MOST = 38
-# Number of halvings of a Newton change, or of the first guess of w, that leaves the domain of f.
+# Most halvings of a Newton correction, or of the first guess of w, that leaves the domain of f.
 _HALVED = 8
-# Contraction rate of Newton's method from which on the Jacobian is renewed.
+# Ratio of successive Newton corrections above which the Jacobian is computed again.
 _SLOW = 0.1
-# Contraction rate from which on the Jacobian of an earlier step is renewed, if that is cheap.
+# The same ratio for a Jacobian of an earlier step, in systems of few components (at most FEW,
+# compiled/jacobian.py). There a new Jacobian is cheap.
 _SLOW_OF_EARLIER = 1e-3
-# If Jacobians are cheap: number of steps that each get a new one, after the Jacobian of an earlier
-# step was slow.
+# Number of steps that each get a new Jacobian, after the Jacobian of an earlier step converged
+# slowly in a system of few components.
 _RENEWED = 16
-# Fraction of the allowed error that is allowed with the Jacobian of an earlier step. With a new
-# Jacobian the error of Newton's method is far below its estimate. With an earlier one it equals the
-# estimate, with the same sign in every step. Schemes of orders above 1 sum it twice, and stiff
-# equations amplify it.
+# Factor of the allowed error if the Jacobian is that of an earlier step, in systems of few
+# components. With a new Jacobian the error of Newton's method is far below its estimate. With an
+# earlier one the error equals the estimate and has the same sign in every step. Equations of order
+# above 1 sum this error twice, and in stiff equations it acts like a change of f.
 _OF_EARLIER = 1e-6
-# Contraction rate up to which factors solve a linear step by one iteration.
+# Largest ratio of successive Newton corrections at which the kept factors count as exact for a
+# linear equation. Then one iteration solves a step.
 _AT_ONCE = 1e-8
-# They do not if a residual grew by this factor, because the matrix is nearly singular.
+# Ratio of a Newton correction to its residual above which the matrix counts as nearly singular.
 _MOST_GROWN = 1e6
-# Allowed error of the increment, as a fraction of the increment. A step is solved when the
-# estimated error is below the sum of _TOLERANCE, _ROUNDING and _UNDERFLOW in their units.
+# Allowed error of the increment w, relative to w. A step is solved if the estimated error is below
+# this part plus the parts by _ROUNDING and _UNDERFLOW.
 _TOLERANCE = 1e-13
 # Allowed error of the increment by rounding of the solution, relative to the solution.
 _ROUNDING = 2e-16
-# Allowed error near the smallest floats, in units of y.
+# Allowed absolute error of the increment, which covers underflow.
 _UNDERFLOW = 1e-300
-# A residual below this fraction of its largest summand is rounding.
+# A residual below this fraction of its summands is a rounding error.
 _RESIDUAL = 4e-15
-# Residuals are compared with rounding only if a change is below this fraction of the solution.
+# Residuals are compared with rounding errors only if a Newton correction is below this fraction of
+# the solution.
 _SMALL = 1e-3
-# Residuals are compared with rounding only if the ratio of successive changes exceeds this.
+# Residuals are compared with rounding errors only if the ratio of successive Newton corrections
+# exceeds this value.
 _STALLED = 0.5
 
 
 @inner
 def solve_step(march, t):
-    """Solve ``scale w + known = lead f(t, base + gain w)`` for w, and then for tangents.
+    """Solve ``scale w + known = lead f(t, base + gain w)`` for w; return whether this succeeded.
 
-    The first n_solved components have an equation. f reads all components, each with the w of its
-    source. The Jacobian and the factors of an earlier step are kept while the iteration contracts
-    (counts.kept). Return False if it does not converge; count the calls of `rhs`.
+    Then solve for the increments of the tangents. The first n_solved components have an equation.
+    The others are memory that f reads, and use the w of their source. The Jacobian and the factors
+    of an earlier step are used while the iteration converges fast (counts.kept).
     """
-    # state.newton (2, ., .) are the Jacobian and Newton's matrix; with tangents (3, ., .) their
-    # matrix follows
+    # state.newton (2, ., .), or (3, ., .) with tangents: the Jacobian, Newton's matrix, and the
+    # matrix of the tangents' equations
     m = march.work
     right, room, counts, work = m.right, m.room, m.state.counts, m.state.newton
     n, d, few = m.table.n_orbit, m.table.n_solved, m.linear.few == 1
@@ -151,7 +156,7 @@ def is_finite(f, d):
 
 @inner
 def step_back(m, t):
-    """Halve the last change of w until f is finite; return whether f is finite.
+    """Halve the last Newton correction of w until f is finite; return whether f became finite.
 
     If f never becomes finite, the correction of functional iteration replaces Newton's, and is
     halved in the same way. Newton's method may leave the domain of f near an edge where the slope
@@ -177,9 +182,10 @@ def step_back(m, t):
 
 @inner
 def set_matrix(m, out):
-    """Set the derivative of ``scale w - lead f(t, base + gain w)`` by w, dense or sparse as J is.
+    """Set Newton's matrix, the derivative of ``scale w - lead f(t, base + gain w)`` by w.
 
-    J is in newton[0]. Components beyond d have no equation, and their w does not change.
+    The Jacobian of f is state.newton[0], dense or sparse; `out` has the same format. Components
+    without an equation get rows of the unit matrix.
     """
     room, j_f, sources = m.room, m.state.newton[0], m.table.sources
     n, d, gain, scale, lead = m.table.n_orbit, m.table.n_solved, room.gain, room.scale, room.lead
@@ -221,17 +227,16 @@ def within_rounding(m, residual):
 
 @plug_in
 def no_tangents_solved(m, t):
-    """Do nothing: stands for `solve_tangents` if there is nothing to solve."""
+    """Do nothing: the march has no tangents, or its scheme solves no equations for them."""
     return True
 
 
 @plug_in
 def solve_tangents(m, t):
-    """Solve ``scale w + known = lead (J (base + gain w) + df / dp)`` for w of every tangent.
+    """Solve ``scale w + known = lead (J (base + gain w) + df / dp)`` for the w of every tangent.
 
-    df / dp is 0 for tangents that are not derivatives by a parameter. J is the Jacobian at the
-    orbit, whose w is given and solves the step. Return False if the equations are singular; count
-    the calls of `rhs`.
+    J is the Jacobian at the solution of the orbit's step, which is already known. Only tangents
+    that are derivatives by a parameter p have a df / dp. Return False if the matrix is singular.
     """
     right, room, n, d, work = m.right, m.room, m.table.n_orbit, m.table.n_solved, m.state.newton
     base, w, lead, known, change = room.base, room.w, room.lead, room.known, room.moved[:n]
@@ -255,7 +260,11 @@ def solve_tangents(m, t):
 
 @inner
 def guess(m, p, ratio):
-    """Set w to a first guess: the increment before, or w with the last f."""
+    """Set w to the first guess of Newton's method.
+
+    If pieces are values of f, the guess solves the step with the last f. Otherwise it is the last
+    increment times `ratio`, the ratio of the two step sizes. `p` is the index of this increment.
+    """
     lead, known, w, force, pieces = (
         m.room.lead,
         m.room.known,
@@ -268,8 +277,8 @@ def guess(m, p, ratio):
         w[c] = lead[c] * force[c] - known[c] if integral == 1 else ratio * pieces[c, p]
 
 
-# Fraction of the step after its start at which the explicit part is evaluated. It exceeds rounding
-# of times, so that a jump at a break lies before it.
+# An IMEX step takes its explicit part at this fraction of the step after its start. The distance
+# exceeds rounding errors of times, so a jump of f at the start of the step is already over.
 _ASIDE = 1e-9
 
 
@@ -277,12 +286,12 @@ _ASIDE = 1e-9
 def solve_linearly(m, t, i):
     """Solve ``scale w + known = lead (A (base + gain w) + g)`` for w; return False if singular.
 
-    ``g = f + theta ratio (f - f_before)`` extrapolates f = rhs - A y to t, from t_n and the step
-    before. Row i has theta and the ratio of both steps. A is the Jacobian, which is constant.
-    `force` (d,) is f of the step before, and NaN if that was another function. Return False if the
-    matrix is singular.
+    A is the Jacobian of the implicit part, which is constant. The explicit part is f = rhs - A y.
+    ``g = f + theta ratio (f - f_before)`` extrapolates f from t_n and t_(n-1) to t. Row i of the
+    coefficients has theta and the ratio of step sizes. The array state.force (d,) is f_before; NaN
+    turns extrapolation off.
     """
-    # state.newton (2, ., .) are A, and the matrix whose factors are stored
+    # state.newton (2, ., .): A, and the matrix of the step, whose factors are kept
     user, room, rows, counts, work = m.right.user, m.room, m.rows, m.state.counts, m.state.newton
     x, force, w, moved, f, point = m.state.x, m.state.force, room.w, room.moved, room.f, room.point
     known, lead, base = room.known, room.lead, room.base
@@ -311,7 +320,7 @@ def solve_linearly(m, t, i):
 
 @inner
 def differs(i, rows):
-    """Return whether row i has other coefficients than row i - 1."""
+    """Return whether row i of the step coefficients needs another matrix than row i - 1."""
     if i == 0 or rows.theta[i] != rows.theta[i - 1]:
         return True
     for a in range(rows.lead.shape[0]):

@@ -1,8 +1,8 @@
-"""Functions with which histories sum the past, by modes or directly.
+"""Functions of histories: sums over the past by modes of exponentials, or term by term.
 
-On uniform steps a history works in blocks, and all steps have one row of weights. On meshes, and if
-orders vary, a block is one step. Then tables have a row for each of `rows` steps, from step number
-`first` on.
+W columns (components and tangents) form C groups with the same weights; each has V start values.
+Blocks have B steps. On uniform steps all steps have one row of weights. On meshes, and if orders
+vary, a block is one step. Then tables have a row for each of R steps, beginning with step `first`.
 """
 
 import numpy as np
@@ -18,16 +18,20 @@ LANES = 4
 
 @compiled
 def exchange_nothing(lag, pieces, n, groups, tables, memory):
-    """Do nothing: the history of an equation with classical terms alone."""
+    """Do nothing, because no sum is needed here.
+
+    Either all terms have integer orders, or the march sums the modes itself (`read_rows`).
+    """
 
 
 @compiled
 def exchange_modes(lag, pieces, n, groups, tables, memory):
-    """Absorb the pieces of the finished block, and add the lag of all pieces to the next block.
+    """Add the finished block's pieces to the modes, and the sum over modes to the next lag.
 
-    A mode of rate s is ``Z = sum_k q**(k_newest - k) u_k`` with q = exp(-s h). The lags of a whole
-    block are one product of mode amplitudes with a table of powers of q. If the first weights of a
-    scheme are no sum of exponentials, a window of the newest pieces adds the difference.
+    The mode of rate s is ``Z = sum_k q**(k_newest - k) u_k`` with pieces u_k and q = exp(-s h). The
+    lag of a block of steps is the product of weighted modes and a table of powers of q. The first
+    weights of some schemes are no sums of exponentials. For these weights a window of the newest
+    pieces adds corrections.
     """
     # lag (W, B), pieces (W, B + 1), M modes of which the first `length` have real rates
     # memory: modes (W, M), modes of start values (W, V M), pieces (W, L), the window
@@ -66,8 +70,10 @@ def exchange_modes(lag, pieces, n, groups, tables, memory):
 
 @compiled
 def exchange_rows(lag, pieces, n, groups, tables, memory):
-    """Absorb u_(n-2) into the modes, and add their sum at step n to the lag."""
-    # lag (W, 1), pieces (W, 2); tables: keep, take (R, M), weights (C R, M); memory: modes (W, M)
+    """Add u_(n-2) to the modes, and the sum of weighted modes to the lag of step n."""
+    # lag (W, 1), pieces (W, 2), M modes
+    # tables: keep, take (R, M), weights (C R, M)
+    # memory: modes (W, M)
     if n < 2:
         return
     i, modes = n - tables.first, memory.modes
@@ -82,7 +88,7 @@ def exchange_rows(lag, pieces, n, groups, tables, memory):
 
 @inner
 def slide(window, pieces):
-    """Move the newest pieces to the end of the window."""
+    """Shift the window of stored pieces, and append the newest pieces at its end."""
     length, more = window.shape[0], pieces.shape[0]
     for k in range(length - more):
         window[k] = window[k + more]
@@ -92,8 +98,11 @@ def slide(window, pieces):
 
 @inner
 def add_corrections(lag, window, corrections):
-    """Add the pieces of the window, times the weights minus their exponential sums."""
-    # window[L - 1] is u_(n-2): k = 2 for the first step of the block
+    """Add to the lag (B,) the window's pieces times the corrections of their weights.
+
+    A correction is an exact weight less its sum of exponentials.
+    """
+    # the last entry of the window is u_(n-2), which has k = 2 in the first step of the block
     length = window.shape[0]
     for k in range(length):
         age = length + 1 - k
@@ -103,14 +112,14 @@ def add_corrections(lag, window, corrections):
 
 @compiled
 def exchange_direct(lag, pieces, n, groups, tables, memory):
-    """Store the pieces of the finished block, and add ``sum_m W_(n+i-m) u_m`` to the next block."""
+    """Store the finished block's pieces u_m; add ``sum_m W_(n+i-m) u_m`` to the next lag, i < B."""
     add_direct(lag, pieces, n, groups, tables, memory)
 
 
 @compiled
 def exchange_pending(lag, pieces, n, groups, tables, memory):
-    """Sum over the present batch directly, and add the other sums from `pending`."""
-    # memory: pieces, start values, pending (W, capacity)
+    """Sum over the pieces of the present batch only; add the sum over older ones from `pending`."""
+    # memory: pieces, start values, and pending (W, capacity), the sum over older pieces by step
     pending = memory.pending
     add_direct(lag, pieces, n, groups, tables, memory)
     for c in range(lag.shape[0]):
@@ -120,7 +129,7 @@ def exchange_pending(lag, pieces, n, groups, tables, memory):
 
 @inner
 def two_sum(total, lost, term):
-    """Return total + term, and the sum of its rounding errors so far (Knuth)."""
+    """Return ``total + term``, and `lost` plus the rounding error of this sum (Knuth)."""
     new = total + term
     part = new - total
     return new, lost + ((total - (new - part)) + (term - part))
@@ -128,12 +137,12 @@ def two_sum(total, lost, term):
 
 @inner(allocates=True)
 def add_direct(lag, pieces, n, groups, tables, memory):
-    """Store the pieces of the finished block, and sum all stored pieces or those of this batch.
+    """Store the finished block's pieces, and add the sum over stored pieces to the next lag.
 
-    Knuth's two-sum compensates the sums. They are the reference, so they must not lose digits as
-    they grow longer. They must not lose digits either where a term exceeds the sum so far, as
-    increments of an oscillation do; Kahan's rule would. All sums run along the block, so the loop
-    is still vectorised.
+    If tables.length > 0, sum only over the pieces of the present batch of so many steps. The sums
+    are the reference for other histories, so Knuth's two-sum compensates their rounding errors.
+    Kahan's rule would lose digits if a term exceeds the sum before it, as in an oscillation. The
+    inner loop runs over the steps of the block and is vectorised.
     """
     # lag (W, B), pieces (W, B + 1)
     # tables: weights (C R, > n + B), start_weights (V C, > n + B)
@@ -201,12 +210,12 @@ def set_amplitudes(scale, from_moments, decays, own):
 
 @inner(fuses=True)
 def read_rows(lag, pieces, n, groups, tables, memory):
-    """Absorb u_(n-2) into the modes, and set the lag to their sum at step n.
+    """Add u_(n-2) to the modes, and set the lag of step n to the sum of weighted modes.
 
-    On the grid of rates exp(h j) the amplitudes of a kernel are a geometric sequence for any order.
-    So their sum is a polynomial in its ratio. Horner's rule is applied to the four quarters of the
-    modes in parallel, then to every fourth of the rest. So no product waits long for another, and
-    no weight is stored.
+    For every order the amplitudes of a power-law kernel on the rates exp(h j) are a geometric
+    sequence. So the weighted sum of modes is a polynomial in the ratio of this sequence. Horner's
+    rule first combines the four quarters of the modes in parallel. Then it runs over every fourth
+    of the partial sums. So few products depend on the one before, and no weights are stored.
     """
     # T terms in a group, G rates on the grid and three slow rates behind them, M = G + 3
     # pieces (W, 2)

@@ -56,9 +56,9 @@ class WeightRule:
 class Convolution:
     """Sum that a history computes on uniform steps: ``lag_n = sum_k W_k u_(n-k)``, k >= 2.
 
-    The weights are sums ``W_k = sum_j factor_j rule_j(p_j)_k``, with a list of (factor, rule, p)
-    for each group of columns. Start values have separate lists: those of all groups for the first
-    value, then those for the next. Their weights are sums of exponentials from k = 2 on.
+    Columns with the same terms form one of C groups, with the weights ``W_k = sum_j factor_j
+    rule_j(p_j)_k``. The lag also has V start values for each column. Their weights are sums of
+    exponentials from k = 2 on.
 
     Attributes
     ----------
@@ -82,7 +82,7 @@ class Convolution:
         return n + 2**62, None
 
     def check(self, history):
-        """Refuse a history that does not accept these kernels."""
+        """Refuse a history that cannot sum kernels other than power laws, if these occur."""
         if self.kernels() and not history.takes_kernels:
             required = "be another one if terms have kernels other than Caputo's"
             refuse("history", required, repr(history), "use SumOfExponentials, FFT or Direct")
@@ -93,21 +93,21 @@ class Convolution:
         return len(self.start_groups) // len(self.groups)
 
     def exponents(self):
-        """Return the exponents of all power-law kernels."""
+        """Return the exponents of all power-law kernels in the terms, sorted."""
         return tuple(sorted(key for key in self._keys() if isinstance(key, float)))
 
     def kernels(self):
-        """Return all kernels that are not power laws, each as a `StepKernel`."""
+        """Return the kernels that are no power laws, each as a `StepKernel`."""
         return tuple(key for key in self._keys() if not isinstance(key, float))
 
     def _keys(self):
-        """Return the different results of `WeightRule.exponent`, in order."""
+        """Return the distinct results of `WeightRule.exponent` in the order of the terms."""
         lists = self.groups + self.start_groups
         found = [rule.exponent(p) for terms in lists for _, rule, p in terms]
         return [key for key in dict.fromkeys(found) if key is not None]
 
     def has_memory(self):
-        """Return whether any weight beyond k = 1 differs from 0."""
+        """Return whether any pieces u_(n-k) with k > 1 have weights."""
         return bool(self._keys()) or self.first_modal > 3
 
     def exact(self, n):
@@ -118,10 +118,10 @@ class Convolution:
         )
 
     def modal(self, rates, weights, k, k_start):
-        """Return the shares of W_k of M rates, (C, M), and those of the start weights, (V C, M).
+        """Return the contributions of modes with M rates to W_k, (C, M), and to start weights.
 
-        The shares of start weights are those at `k_start`. `weights` maps the exponent of a kernel,
-        or its `StepKernel`, to the weights (M,) of its exponential sum.
+        Those to start weights, (V C, M), are taken at `k_start` instead of k. `weights` maps a
+        kernel's exponent, or its `StepKernel`, to the weights (M,) of its exponential sum.
         """
 
         def share(terms, at):
@@ -200,10 +200,14 @@ class Plan:
 
 
 def distinct_columns(system):
-    """Group columns by their terms, and by whether they are memory that f reads.
+    """Group components by their terms, and by whether they are memory that f reads.
 
-    The results are those of `System.distinct`. The first one lists terms and whether the column is
-    memory.
+    Returns
+    -------
+    distinct : list of (terms, bool)
+        Terms of each group as in `System.distinct`, and whether f reads it as memory.
+    groups : ndarray of int64, shape (d,)
+        Group of each component.
     """
     distinct, groups = system.distinct
     keys = [(distinct[a], bool(read)) for a, read in zip(groups, system.read, strict=True)]

@@ -1,8 +1,9 @@
 """Initial values in Riemann-Liouville terms: ``y(0) t**-gamma / Gamma(1-gamma)`` on given steps.
 
-This term is infinite at 0, where it is not sampled. Samples at the times of steps would have errors
-of order 1 - gamma. The first samples are corrected, so that their sums converge to the integrals of
-``t**-gamma``, ``t**(1-gamma)``, ... as fast as the scheme (Euler-Maclaurin formula).
+This term is infinite at 0, so it is never sampled there. Samples at the times of the steps alone
+would give an error of order 1 - gamma. So the first samples get corrections by the Euler-Maclaurin
+formula. Sums of samples then converge to the integrals of ``t**-gamma``, ``t**(1-gamma)``, ... with
+the order of the scheme.
 """
 
 from dataclasses import replace
@@ -16,14 +17,17 @@ from ..kernels.special import hurwitz_zeta
 
 
 def with_initial_values(plan, system, order):
-    """Return the plan of a scheme of this order, with initial values of Riemann-Liouville terms."""
+    """Return a plan with the initial values of Riemann-Liouville terms added to its known terms.
+
+    `order` is the order of convergence of the plan's scheme.
+    """
     terms = [(op, c) for op, c in system.left if op.from_zero and op.constant]
     if not (terms and plan.rows.shared):  # if each step has its own row, rows contain the terms
         return plan
     rows, d = plan.rows, system.d
     theta = float(rows.theta[-1])
     n_first = 1 if theta == 0 else ceil(order)
-    # a first step whose value is given cannot be corrected
+    # an increment that is given instead of solved for cannot be corrected: begin with step 1
     first = np.zeros(d, dtype=int) if plan.given is None else plan.given
     corrections = np.zeros((n_first + 1, d))
     amplitudes, powers = [], []
@@ -49,11 +53,11 @@ def with_initial_values(plan, system, order):
 
 @lru_cache(maxsize=64)
 def first_samples(gamma, theta, n):
-    """Return the corrections of the first n samples of ``t**-gamma``, in units of the step, (n,).
+    """Return corrections (n,) of the first n samples of ``t**-gamma``; the step is 1.
 
-    Samples are taken at k + theta, k >= 0, but not at 0. With the corrections, sums of samples
-    times powers of k + theta below the n-th are the integrals in the sense of ``zeta(gamma - j,
-    theta)``.
+    Samples are taken at t = k + theta, k >= 0, but not at t = 0. By the Euler-Maclaurin formula a
+    sum of samples of ``t**(j-gamma)`` differs from the integral by ``zeta(gamma - j, theta)``. The
+    corrections cancel this error for all j < n.
     """
     places = np.arange(n) + theta
     lacking = [-hurwitz_zeta(gamma - j, theta or 1.0) for j in range(n)]

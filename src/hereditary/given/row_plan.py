@@ -1,10 +1,10 @@
-"""Plans of steps with separate weights: on a mesh, and if orders vary.
+"""Plans of schemes whose weights differ from step to step: on a mesh, and if orders vary.
 
-A piece of the solution on [t_j, t_(j+1)] has the slope ``mean + lean (s - middle)``. Seen from t it
-contributes ``mean m_0 + lean m_1`` with the moments of the kernel ``p T**(p-1)``, T = t - s: ``m_0
-= int p T**(p-1) dT`` and ``m_1 = int p T**(p-1) (middle - T) dT``. Above order 1 the velocity is a
-line between the middles of two steps, and its slope takes the place of the mean. If an order
-varies, all weights of a step are those of the order at the time of its right-hand side.
+At time s in [t_j, t_(j+1)] the solution has the slope ``mean + lean (s - middle)``. This interval
+adds ``mean m_0 + lean m_1`` to the derivative at time t. Here m_0 and m_1 are moments of the kernel
+``p T**(p-1)``, T = t - s: ``m_0 = int p T**(p-1) dT``, ``m_1 = int p T**(p-1) (middle - T) dT``.
+Above order 1 the velocity is a line between the middles of two steps. Its slope replaces the mean.
+If an order varies, its value at the time of the right-hand side gives all weights of a step.
 """
 
 from __future__ import annotations
@@ -24,17 +24,17 @@ from .riemann_liouville import first_samples
 from .signatures import StepRows
 from .watch import SLOWEST
 
-# A step that is this many times longer or shorter than the step before follows a corner, or starts
-# at a singular point. It is interpolated by a line, because a parabola would depend on the step
-# before.
+# Largest ratio of the lengths of two neighbouring steps at which the solution is a parabola. Beyond
+# this ratio it is a line, because such steps meet at a corner or a singular point of the solution.
+# A parabola would use values from the other side of this point.
 _STEEPEST = 30.0
-# Number of steps at which varying orders are evaluated before a run.
+# Number of steps at which varying orders are checked before a run.
 _LOOKED_AT = 1001
 # Number of steps whose coefficients are computed together. Each batch starts at a multiple of this
-# number, so that a resumed run computes the same arrays.
+# number, so that a resumed run computes the same floats.
 ROWS_AT_ONCE = 16384
-# The last batch of a run has a multiple of this number of steps, which exceeds what NumPy computes
-# at once.
+# The last batch of a run is rounded up to a multiple of this number of steps. NumPy's vector
+# instructions treat fewer at once, so the length of a run does not change its coefficients.
 _GROUP = 64
 
 
@@ -48,24 +48,27 @@ def moments(low, width, p, bent=True):
     high, nearest = low + width, low == 0.0
     beyond = np.where(nearest, 1.0, low)
     m_0, growth = p * np.log(np.where(nearest, high, beyond)), p * np.log1p(width / beyond)
-    # in place: an array of this size would be returned to the system each time
+    # in place, because new arrays of this size return to the operating system after each use
     np.copyto(np.expm1(growth, out=growth), 1.0, where=nearest)
     np.multiply(np.exp(m_0, out=m_0), growth, out=m_0)
     if not bent:
         return m_0, 0.0
     middle, m_1 = low + 0.5 * width, 0.0
     for node, weight in zip(*gauss_unit(16), strict=True):
-        # the integrand minus its value in the middle, whose first moment is 0: so nothing cancels
+        # the kernel's value in the middle has no first moment: subtracted, it avoids cancellation
         bend = np.expm1((p - 1.0) * np.log1p((node - 0.5) * width / middle))
         m_1 = m_1 + weight * (0.5 - node) * bend
     m_1 = p * width * width * middle ** (p - 1.0) * m_1
-    # for wide intervals the closed form does not cancel
+    # on wide intervals the closed form does not cancel
     closed = middle * m_0 - p / (p + 1.0) * (high ** (p + 1.0) - low ** (p + 1.0))
     return m_0, np.where(width > 2.0 * low, closed, m_1)
 
 
 def _tilt(z, average, decay):
-    """Return ``int_0^1 (1/2 - v) exp(-z v) dv``, from the mean and the end of the exponential."""
+    """Return ``int_0^1 (1/2 - v) exp(-z v) dv``.
+
+    `average` is the mean of ``exp(-z v)`` over v in [0, 1], and `decay` its value at v = 1.
+    """
     square, series = np.minimum(z, 0.5) ** 2, np.zeros_like(z)
     for k in range(5, -1, -1):  # the rest of the series is below 1e-17 for z < 0.5
         series *= square
@@ -75,10 +78,10 @@ def _tilt(z, average, decay):
 
 
 class _Uniform:
-    """Times and distances of uniform steps; distances are counted, not computed from times.
+    """Distances between uniform steps: multiples of h instead of differences of times.
 
-    First derivatives are those at the fraction `theta` of a step. The right-hand side is evaluated
-    at the fraction `offset`.
+    In step n first derivatives are taken at t_n + theta h, and the right-hand side is taken at
+    t_n + offset h.
     """
 
     mesh: ClassVar = None
@@ -87,27 +90,30 @@ class _Uniform:
         self.h, self._theta, self._offset = h, theta, offset
 
     def rows(self, n):
-        """Return the coefficients of steps n, (R,), that do not depend on the terms."""
+        """Return the fields of `StepRows` for steps n, (R,), that do not depend on the terms."""
         ones = np.ones(n.size)
         unit, theta = self.h * ones, self._offset * ones
         return {"times": np.zeros(0), "theta": theta, "unit": unit, "length": unit, "ratio": ones}
 
     def times(self, n):
-        """Return the times of the right-hand sides of steps n."""
+        """Return the times at which steps n take their right-hand sides."""
         return (n + self._offset) * self.h
 
     def first_sample(self, gamma):
-        """Return the integral of ``t**-gamma`` over the first step minus its sample there."""
+        """Return the correction of the first sample of ``t**-gamma``; see `first_samples`."""
         return self.h**-gamma * first_samples(gamma, self._offset, 1)[0]
 
     def intervals(self, n, size, order):
-        """Return the intervals of increments; see `_Mesh.intervals`."""
+        """Return distances and lengths of earlier steps; see `_Mesh.intervals`."""
         k, h = np.arange(float(size))[None], self.h
         far, width = np.maximum(k - 1 + self._theta, 0.0), np.where(k == 0, self._theta, 1.0)
         return np.ones((1, size)), h * far, h * width, h * k, h, h, 0.0
 
     def decays(self, rates, kinds, n):
-        """Return factors as `_Mesh.decays` does: steps share a row, and terms the modes."""
+        """Return factors of modes; see `_Mesh.decays`.
+
+        All steps share one row, and terms with y' and with y'' share the modes.
+        """
         z = rates * self.h
         mean, keep = mean_exponential(z), np.exp(-z)
         seen = mean * np.exp(-z * (1 + self._theta)), mean * keep * np.expm1(-z) / self.h
@@ -115,7 +121,7 @@ class _Uniform:
 
 
 class _Mesh:
-    """Times and distances of the steps of a mesh, and of the parabolas on them."""
+    """Distances and lengths of the steps of a mesh, and the parabolas on these steps."""
 
     def __init__(self, times, theta, parabolas):
         steps, self._parabolas = np.diff(times), parabolas
@@ -123,27 +129,27 @@ class _Mesh:
         self._theta = np.broadcast_to(theta, steps.size) * 1.0
         self._seen = times[:-1] + self._theta * steps
         self._ratios = np.append(1.0, steps[1:] / steps[:-1])
-        # lean of each step, in units of the difference between the means of the next step and of
-        # this one
+        # lean of each step, over the difference between the mean slopes of the next step and it
         ratio = self._ratios[1:]
         fit = (ratio <= _STEEPEST) & (_STEEPEST * ratio >= 1.0) & (parabolas > 0)
         self._slopes = np.append(np.where(fit, 2.0 / (steps[1:] + steps[:-1]), 0.0), 0.0)
-        # midpoints of all steps, with a step of equal length added before the first
+        # middles of all steps, and distances between them; the first middle is that of an imagined
+        # step before 0, as long as the first step
         self._middles = np.append(times[0] - 0.5 * steps[0], times[:-1] + 0.5 * steps)
         self._between = 0.5 * (steps + np.append(steps[0], steps[:-1]))
 
     def rows(self, n):
-        """Return the coefficients of steps n, (R,), that do not depend on the terms."""
+        """Return the fields of `StepRows` for steps n, (R,), that do not depend on the terms."""
         times, theta, unit = self.mesh[n], self._theta[n], self._steps[n]
         ratio = self._ratios[n]
         return {"times": times, "theta": theta, "unit": unit, "length": unit, "ratio": ratio}
 
     def times(self, n):
-        """Return the times of the right-hand sides of steps n."""
+        """Return the times at which steps n take their right-hand sides."""
         return self._seen[n]
 
     def first_sample(self, gamma):
-        """Return the mean of ``t**-gamma`` over the first step minus its sample there."""
+        """Return the mean of ``t**-gamma`` over the first step, less its value at the sample."""
         return self._steps[0] ** -gamma * (1 / (1 - gamma) - self._theta[0] ** -gamma)
 
     def intervals(self, n, size, order):
@@ -209,14 +215,17 @@ class _Mesh:
 
 
 class RowSums:
-    """Sums over pieces of the solution, with separate weights for each step.
+    """Sums over earlier increments, with weights that are computed for each step.
+
+    Below, R is a number of steps and C the number of groups of components with the same terms.
 
     Parameters
     ----------
     system : System
     steps : _Uniform or _Mesh
     parabolas : int
-        0 for lines, 1 for parabolas on all steps of a mesh but the newest, 2 on all.
+        0 for lines; 1 for parabolas on all steps but the newest; 2 for parabolas on all steps.
+        Parabolas need a mesh.
     explicit : bool
         Whether the right-hand side is taken where the step begins. Then the march solves for the
         change of the increment.
@@ -240,8 +249,8 @@ class RowSums:
         distinct, self.groups = distinct_columns(system)
         self.terms, read = zip(*distinct, strict=True)
         self.steps, self._parabolas, self._explicit = steps, parabolas, explicit
-        # an explicit step stores the memory that f reads for the next step, so its t x'(0) is one
-        # step later
+        # an explicit step computes the memory that f reads in the next step: t x'(0) is that of the
+        # next step, too
         self._read, self._late = read, np.array(read) * explicit
         self._operators = list(dict.fromkeys(op for terms in self.terms for _, op in terms))
         self.from_zero = any(operator.from_zero for operator in self._operators)
@@ -273,10 +282,10 @@ class RowSums:
             Coefficients; a new tuple if this call computed them, else that of the last call.
         """
         last, n_end = self._known
-        # orders beyond the former end of the run have not been evaluated yet
+        # rows beyond the former end of the run are copies: if the run goes on, compute them
         if not self.rows.first <= n < min(last, n_end):
             first = n // ROWS_AT_ONCE * ROWS_AT_ONCE
-            # whole groups: a longer run then computes these steps in the same way
+            # whole groups, so that a longer run computes the same floats for these steps
             size = min(ROWS_AT_ONCE, math.ceil((self._n_end - first) / _GROUP) * _GROUP)
             with np.errstate(all="ignore"):  # a weight that is not finite ends the run below
                 last = first + self._fill(np.arange(first, first + size))
@@ -286,7 +295,10 @@ class RowSums:
         return min(last, n_end), self.rows
 
     def _sampled(self, n):
-        """Return p of each operator at steps n, how many are valid, and what is wrong next."""
+        """Return p of each operator at steps n, the number of valid steps, and an error message.
+
+        The message describes the first invalid order, and is empty if all are valid.
+        """
         times, found, n_good, trouble = self.steps.times(n), {}, n.size, ""
         for operator in self._operators:
             found[operator], reason = operator.powers(times[:n_good])
@@ -295,9 +307,9 @@ class RowSums:
         return found, n_good, trouble
 
     def _fill(self, n):
-        """Compute the coefficients of steps n; return how many of them are valid.
+        """Compute the coefficients of steps n; return how many steps have valid ones.
 
-        Steps beyond the end of the run get the coefficients of the last step before it.
+        Steps beyond the run's end get the coefficients of its last step.
         """
         first, n = int(n[0]), np.minimum(n, self._n_end - 1)
         powers, n_good, self._trouble = self._sampled(n)
@@ -328,7 +340,10 @@ class RowSums:
         )
 
     def _drift(self, n, lead):
-        """Return factors of x'(0), without increments, and of x(0) in Riemann-Liouville terms."""
+        """Return factors of x'(0), which increments omit, and of x(0) in Riemann-Liouville terms.
+
+        The shape is (C, R), (2 C, R) with Riemann-Liouville terms, and (C, 0) without any factor.
+        """
         if not (self._above or self.from_zero):
             return np.zeros((len(lead), 0))
         found = np.zeros((1 + self.from_zero, *lead.shape))
@@ -336,7 +351,7 @@ class RowSums:
             above = any(operator.derivative == 2 for _, operator in terms)
             for c, operator in terms:
                 p, factor = self.powers[operator]
-                # the derivative of t x'(0), unless the order has been halved
+                # the derivative of t x'(0); equations of half the order (reduce_order) omit it
                 if operator.derivative == 1 and (above or self._read[a]):
                     times = self.steps.times(n + self._late[a])
                     found[0, a] += c * factor * times**p
@@ -345,9 +360,10 @@ class RowSums:
         return (found * lead).reshape(len(found) * len(lead), n.size)
 
     def _initial(self, n, gamma, first):
-        """Return ``t**-gamma / Gamma(1-gamma)`` of each step but at 0, corrected in step `first`.
+        """Return ``t**-gamma / Gamma(1-gamma)`` at steps n, with a correction in step `first`.
 
-        The first increment is given for an explicit step of order above 1.
+        At t = 0 the result is 0. `first` is 1 if an explicit scheme gets the increment of step 0
+        from the initial values, otherwise 0. `gamma` (R,) are the orders at steps n.
         """
         times, first = self.steps.times(n), first - int(n[0])
         values = np.where(times > 0, times, np.inf) ** -gamma
@@ -363,12 +379,15 @@ class RowSums:
         return self._weights(np.arange(first, last), k_end, first - self.rows.first)
 
     def direct(self, first, last, k_end):
-        """Return `weights` divided by the leading weight."""
+        """Return the result of `weights`, divided by the leading weight of each step."""
         lead = self.rows.lead[:, first - self.rows.first : last - self.rows.first]
         return self.weights(first, last, k_end) * lead[..., None]
 
     def _weights(self, n, k_end, at, order="C"):
-        """Return `weights` at steps n with orders of rows from `at` on, in arrays of this order."""
+        """Return `weights` at steps n, whose values in `powers` begin at index `at`.
+
+        `order` is the layout of the arrays, "C" or "F".
+        """
         bent = self._parabolas > 0
         shape = n.size, k_end + bent
         there, far, width, behind, between, steps, slopes = self.steps.intervals(n, shape[1], order)
@@ -402,15 +421,15 @@ class RowSums:
         return self.steps.decays(rates, kinds, np.minimum(np.arange(first, last), self._n_end - 1))
 
     def has_memory(self) -> bool:
-        """Return whether any weight beyond k = 1 differs from 0."""
+        """Return whether increments u_(n-k) with k > 1 have weights at all."""
         return not all(operator.classical for operator in self._operators)
 
     def exact(self, n):
-        """Return no weights: a block is one step, and has none inside."""
+        """Return empty weights, because a block of one step needs none inside itself."""
         return (np.zeros((len(self.terms), 0)),) * 2
 
     def check(self, history):
-        """Refuse a history that does not accept such steps."""
+        """Refuse a history that cannot sum varying orders or a mesh, if these occur."""
         if self.varies and not history.takes_varying:
             refuse("history", "be Direct or SumOfExponentials if orders vary", repr(history))
         if self.steps.mesh is not None and not history.takes_meshes:
@@ -443,7 +462,7 @@ def mesh_plan(scheme, system, times, theta, parabolas):
 
 
 def _plan(system, sums, first, **more):
-    """Return a plan with these sums and the length of the first step."""
+    """Make the plan of `sums`, a `RowSums`, if the first step has the length `first`."""
     for operator, _ in system.left:
         if operator.kernel is not None:
             required = "be Caputo operators on a mesh, and on given steps if an order varies"

@@ -24,7 +24,7 @@ _EMPTY = np.zeros((1, 0))
 
 
 class Tables(NamedTuple):
-    """Tables of a memory; each history sets the tables that it reads (given/past.py).
+    """Tables of a history; a history sets those that its functions read (given/past.py).
 
     - first, rows: if weights differ from step to step, the first step of the tables, and the number
       of steps in them.
@@ -115,7 +115,7 @@ MONITOR = np.dtype(
         ("before", "f8"),  # largest increment in the batch of ZIGZAG_WINDOW steps before
         ("turned", "f8"),  # step of the last turn
         ("change", "f8"),  # change of the increment at the last turn
-        ("growth", "f8"),  # growth of such changes over a series of turns
+        ("growth", "f8"),  # growth of the change at turns, over the present series of turns
         ("least", "f8"),  # smallest increment in the present batch of SHORT_WINDOW steps
         ("most", "f8"),  # largest increment in the present batch of SHORT_WINDOW steps
         ("turns", "f8"),  # number of turns in quick succession; -1 if they are not watched
@@ -240,9 +240,10 @@ class March(NamedTuple):
 
 
 class MarchOutput(NamedTuple):
-    """Arrays for the row of each step from `first` on, y and its slopes (k, d), or none.
+    """Arrays that a call of the march fills, beginning with step `first`.
 
-    There may also be an array for Jacobians (n, d, d) of these steps.
+    - rows, slopes (k, d): y and y' of d components at the ends of k steps; k = 0 if not wanted.
+    - jacobians (n, d, d): Jacobians at n of these steps, for the stability watch.
     """
 
     rows: Matrix

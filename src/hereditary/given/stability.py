@@ -17,8 +17,9 @@ from ..compiled.linalg import eigenvalues
 _GROWTH = 1.1
 # Number of points on the curve mu(zeta) that are computed.
 _N_ANGLES = 512
-# Most components for which eigenvalues of all Jacobians are computed. With more, norms are compared
-# first, and eigenvalues are those of the Jacobian with the largest norm.
+# Largest number of components for which the eigenvalues of every Jacobian are computed. In larger
+# systems norms bound the eigenvalues, and only those of the Jacobian with the largest bound are
+# computed.
 TOGETHER = 32
 
 
@@ -178,7 +179,7 @@ def longest_step(scheme, system, h, ratio):
     """Return the step whose limits of stability are `ratio` times those at step h; 0 if unknown."""
     if system.varies or system.read.any():
         return 0.0
-    if not hasattr(scheme, "step_limit"):  # each component has one term
+    if not hasattr(scheme, "step_limit"):  # such schemes take one term per component
         return h * ratio ** (-1 / float(system.highest_orders().min()))
     stiffness = ratio * scheme._limits(system, h).min()
     return largest_step(lambda step: scheme._limits(system, step), stiffness)

@@ -69,7 +69,7 @@ def correct(m):
 
 @inner
 def settle(m):
-    """Store the final f of a step, and in `lacks` lead times its change since the last sweep."""
+    """Set `force` to the final f of a step, and `lacks` to lead times the last change of f."""
     lead, f, force, lacks = m.room.lead, m.room.f, m.state.force, m.state.lacks
     for c in range(f.shape[0]):
         force[c] = f[c]
@@ -157,7 +157,7 @@ def change(m, n, p):
     known, shift, lead, f, w = m.room.known, m.room.shift, m.room.lead, m.room.f, m.room.w
     given, u, d, pieces = m.table.given, m.state.increment, m.state.change, m.state.pieces
     for c in range(w.shape[0]):
-        # before the first step the increment of order above 1 includes h x'(0), which w excludes
+        # before step 0 the increment of an order above 1 is h x'(0), which gives the scheme's x_1
         w_old = pieces[c, p] if n > 0 else u[c] - shift[c]
         more = 0.0 if n == 0 and given[c] == 1 else lead[c] * f[c] - known[c]
         w[c], d[c] = w_old + more, more if n > 0 else 0.0

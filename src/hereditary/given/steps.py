@@ -50,13 +50,13 @@ def graded(n: int, exponent: float) -> Graded:
     return Graded(count("n", n), positive("exponent", exponent))
 
 
-# A run on a mesh can be resumed up to this multiple of its length.
+# A run on a mesh can be resumed up to this factor times its end time.
 _FAR = 10.0
-# Most steps of a run: up to here floats are exact whole numbers.
+# Most steps of a run. Larger whole numbers are not all floats.
 COUNTED = 2**53
 # Largest distance of a break from the end of a step, as a fraction of the step.
 _OFF = 1e-6
-# Relative distance in time from a jump at which the steps beside it evaluate f.
+# A step next to a jump of f takes f this far from the jump, relative to the time.
 _ASIDE = 8 * np.finfo(float).eps
 
 

@@ -76,7 +76,7 @@ def uniform_plan(
             weighs = start_of and values == integral
             found.append(_over(total, [start_of(*term) for term in key] if weighs else []))
         if starts[0][0] and theta > 0 and not integral:
-            # the first interval has no interval before it: its weight is a_0 = theta**p
+            # the first interval has no parabola, so its own weight is a_0 = theta**p
             scale[i, 0] = sum(f * p.seen(theta, 1)[0] for f, _, p in terms) / total
     amplitudes, powers = drift_of_speed(system, whole)
     if integral:

@@ -11,15 +11,14 @@ from ..compiled.jit import inner
 # A resolved oscillation never alternates twice in a row. At 0.99 of the step limit the undamped
 # classical oscillator alternates for 16 steps, and the alternation of every damped one shrinks.
 ZIGZAG_WINDOW = 64
-# An alternation is sustained if its amplitude keeps at least this fraction from one batch to the
-# next.
+# Least ratio of a batch's largest increment to that of the batch before in a lasting zigzag.
 ZIGZAG_KEPT = 0.98
 # Increments of an alternation below this fraction of the solution count as rounding errors.
 ZIGZAG_FLOOR = 1e-9
 # Increments below this size count as rounding errors, because floats hardly resolve them.
 SMALLEST_CHANGE = 1e-300
-# Number of steps after which a large alternation is sustained: it needs fewer steps to spoil the
-# solution.
+# Steps in a short batch, after which a large alternation counts as a lasting zigzag. A large
+# alternation spoils the solution in fewer steps than a small one.
 SHORT_WINDOW = 16
 # Least ratio of the smallest to the largest increment of a short batch in a lasting zigzag. At
 # 0.999 of its step limit, increments of the undamped oscillator still differ by a tenth.
@@ -30,14 +29,16 @@ LARGE = 0.05
 # value is for turns at most QUICK steps apart. At 0.99 of its step limit the changes of the
 # undamped oscillator grow and shrink by a factor of ten.
 GROWN = 30.0
-# Growth of changes at turns that is an instability if turns take longer. The growth of beats is at
-# most their number.
+# The same total growth for turns more than QUICK steps apart. Beats grow by the number of their
+# turns at most.
 LONG_GROWN = 1e3
 # Most steps between two turns that count as quick.
 QUICK = 3.0
-# Largest growth that counts at one turn, so that a jump of the force is no growth.
+# Largest growth from one turn to the next that is counted, so that a jump of the force does not
+# count as instability.
 FASTEST = 3.2
-# Most steps between two turns that a scheme of first order does not resolve: a period has up to 22.
+# Most steps between two turns of an oscillation that a scheme of first order does not resolve; its
+# period has up to 22 steps.
 SLOWEST = 11.0
 
 

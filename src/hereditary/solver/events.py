@@ -13,7 +13,7 @@ from ..stepping.stepper import Stepper
 from ..stepping.times import together
 from ..support.checks import complaint, real, refuse, shown
 
-# Stands for an event function whose sign is known and whose value is not.
+# The smallest float above 0: with a sign it stands for 0 if only the sign of a value is known.
 TINY = 5e-324
 # Number of points of each step of `Collocation`, besides its end, at which event functions are
 # evaluated. For the event sin 5t in a run of D^0.5 y = -y, rtol 1e-4, 8 points find 159 of 159
@@ -75,13 +75,13 @@ class Events:
 
     @property
     def any(self) -> bool:
-        """Whether there are event functions."""
+        """Whether there are any event functions."""
         return bool(self._functions)
 
     def _begin(self, t: float, values: list[float], after: list[float]) -> None:
-        """Start at time t with these values of the functions; `after` are signs just after t.
+        """Start the search at time t, where functions have these values.
 
-        A sign of 0 is unknown.
+        `after` are their signs just after t, 0 for unknown.
         """
         self._start, self._values = t, list(values)
         for number, (value, sign) in enumerate(zip(values, after, strict=True)):
@@ -91,10 +91,10 @@ class Events:
         self._after = [float(np.sign(value)) for value in self._values]
 
     def look(self, edges: np.ndarray, at: Callable) -> float | None:
-        """Locate zeros between consecutive `edges`; `at(t)` is the solution, (k, d) for k times.
+        """Search for zeros between the first and the last of `edges`, the ends of steps.
 
-        Return the time at which a terminal event, or a function that fails, ends the march, or
-        None.
+        ``at(t)`` is the solution (k, d) at k times. Returns the time at which a terminal event or a
+        failing event function ends the run; None if the run goes on.
         """
         looks = edges[:-1, None] + np.diff(edges)[:, None] * np.arange(self._looks) / self._looks
         times = self._looked_at(np.append(looks.ravel(), edges[-1]), edges)
@@ -113,13 +113,13 @@ class Events:
         return None if end == math.inf else float(end)
 
     def _looked_at(self, times: np.ndarray, edges: np.ndarray) -> np.ndarray:
-        """Return the times, between these edges, at which functions are evaluated."""
+        """Return the times at which functions are evaluated; a subclass may change `times`."""
         return times
 
     def _zeros_of(
         self, number: int, times: np.ndarray, values: np.ndarray, at: Callable, edges: np.ndarray
     ) -> Iterator[tuple[float, float]]:
-        """Yield the zeros of a function, each with the sign after it."""
+        """Yield the times of the zeros of function `number`, each with the sign after it."""
         self._values[number] = values[-1]
         for t, sign in self._zeros(self._functions[number], times, values, at):
             if together(t, self._start) or t < self._start:
@@ -129,12 +129,12 @@ class Events:
             yield t, sign
 
     def _is_known(self, number: int, t: float) -> bool:
-        """Return whether the last zero of a function that was found is one at t."""
+        """Return whether the last known zero of a function is at t, up to rounding."""
         known = self.times[number]
         return bool(known) and bool(t <= known[-1] or together(t, known[-1]))
 
     def _end(self, end: float, found: list[tuple[float, int, float]], edges: np.ndarray) -> float:
-        """Return the time at which the march ends: that of a terminal event, or `end`."""
+        """Return the time at which the run ends; `end` is that of a terminal event, or infinite."""
         self.over = end < math.inf
         if self.failure and self._failed_at <= end:  # back to the end of the step before it
             return edges[max(int(np.searchsorted(edges, self._failed_at)) - 1, 0)]
@@ -142,7 +142,7 @@ class Events:
         return end
 
     def _keep(self, found: list[tuple[float, int, float]], end: float, at: Callable) -> None:
-        """Store zeros up to `end`, and the signs just after it."""
+        """Store the zeros up to `end`, and the signs of all functions just after it."""
         row = at(np.array([end]))
         for number, function in enumerate(self._functions if end > self._start else ()):
             self._after[number] = float(np.sign(self._seen(function, [end], row)[0]))
@@ -157,9 +157,10 @@ class Events:
                 self._after[number] = sign
 
     def signs(self) -> dict[str, float]:
-        """Return the signs of the functions at the end of the run, after any zero there, by digest.
+        """Return the sign of each function just after the end of the run, by its digest.
 
-        A run that is resumed there then neither finds such a zero again nor misses another one.
+        With these signs a run that resumes this one neither finds a zero at the end again, nor
+        misses a later zero.
         """
         pairs = zip(self._functions, self._after, strict=True)
         return {digest(function): sign for function, sign in pairs if sign in (-1.0, 1.0)}
@@ -180,7 +181,7 @@ class Events:
         return values
 
     def _note(self, error: _Failed) -> None:
-        """Store the earliest failure of a function."""
+        """Store a failure if it is the earliest one."""
         if error.t < self._failed_at:
             self._failed_at, self.failure = error.t, str(error)
 
@@ -189,7 +190,7 @@ class Events:
     ) -> Iterator[tuple[float, float]]:
         """Yield the zeros of a function in ascending order, each with the sign after it.
 
-        A zero at the first time belongs to the interval before. Next to a NaN no zero is found.
+        A zero at the first time belongs to the interval before. Next to a NaN no zero is sought.
         """
         direction, signs = getattr(function, "direction", 0), np.sign(values)
         known = (signs[:-1] != 0) & ~np.isnan(signs[:-1]) & ~np.isnan(signs[1:])
@@ -234,7 +235,7 @@ class _Failed(Exception):
 
 
 def value_of(function: Callable, t: float, y: np.ndarray) -> float:
-    """Return the value of an event function; truth values count as 1 and -1."""
+    """Return the function's value as a float: a number, or 1 for True and -1 for False."""
     given = y.copy()
     try:
         value = np.asarray(function(t, given))
@@ -253,7 +254,7 @@ def _name(function: Callable) -> str:
 
 
 def _first_value(function: Callable, t: float, y: np.ndarray) -> float:
-    """Return the value of an event function at the start, checked."""
+    """Check an event function; return its value at the start of the run."""
     required = "be functions event(t, y)"
     if not callable(function):
         refuse("events", required, repr(function), kind=TypeError)
@@ -274,7 +275,7 @@ def _first_value(function: Callable, t: float, y: np.ndarray) -> float:
 
 
 def _limit(function: Callable) -> float:
-    """Return the number of zeros after which an event function ends the run."""
+    """Return the number of zeros after which the function ends the run; infinite for never."""
     terminal = getattr(function, "terminal", False)
     if terminal is None or isinstance(terminal, (bool, np.bool_)):
         return 1.0 if terminal else math.inf
@@ -287,16 +288,15 @@ def _limit(function: Callable) -> float:
 def bracketed_root(function: Callable[[float], float], low: float, high: float) -> float:
     """Return a zero of a continuous function between `low` and `high`, accurate to rounding.
 
-    The method is Anderson's and Bjorck's variant of false position, with a bisection whenever three
-    steps have not halved the bracket. (The import of scipy.optimize, which has similar methods,
-    takes half a second.)
+    The function has different signs at these points. The method is the variant of false position by
+    Anderson and Bjorck, with a bisection whenever three steps have not halved the bracket. (To
+    import scipy.optimize instead would take half a second.)
     """
     f_low, f_high = function(low), function(high)
     if f_low == 0.0:
         return low
     width, slow = abs(high - low), 0
-    # near 0 floats are so dense that the bracket could shrink on
-    least = _LEAST_BRACKET * max(abs(low), abs(high))
+    least = _LEAST_BRACKET * max(abs(low), abs(high))  # for a zero near 0
     while f_high != 0.0:
         middle = low + 0.5 * (high - low)
         if middle in (low, high) or abs(high - low) <= least:

@@ -15,7 +15,7 @@ from .solution import Solution
 
 
 class _Companions(NamedTuple):
-    """Numbers of steps of a run over those of its finer and of its coarser companion."""
+    """Ratio of the numbers of steps of the run, its finer and its coarser companion."""
 
     run: int
     fine: int
@@ -51,15 +51,15 @@ _off = ThreadSwitch()
 
 
 def no_estimates() -> AbstractContextManager[None]:
-    """Suppress error estimates in this thread, in a ``with`` statement: sweeps make many runs."""
+    """Return a context in which this thread computes no estimates, as in sweeps of many runs."""
     return _off.set()
 
 
 def note_error(solution: Solution, stepper: FixedStepper, n_steps: int) -> None:
-    """Add the error estimate of a first-order run to its stats, and warn of a large error.
+    """Set the estimated error of a first-order run in its stats, and warn if it is large.
 
-    ``stats["error_estimate"]`` is None if the run has too few steps, if its companions are
-    unstable, or if they differ by the size of the solution. The last case causes a warning.
+    ``stats["error_estimate"]`` is None if the run has too few steps, or if its companions are
+    unstable. It is also None, with a warning, if they differ by more than the size of the solution.
     """
     off = _off.value or not solution.success
     found = None if off else estimated_error(stepper, n_steps)
@@ -76,9 +76,10 @@ def note_error(solution: Solution, stepper: FixedStepper, n_steps: int) -> None:
 def estimated_error(stepper: FixedStepper, n_steps: int) -> float | None:
     """Return the largest error after 40 steps, relative to the size of each component, or None.
 
-    Cheap companions have a tenth and a twentieth of the steps. If they are unstable or differ by
-    the size of the solution, companions with a half and a third of the steps are run. If these
-    differ as much, this causes a warning.
+    The first companions have a tenth and a twentieth of the steps. Runs with a half and a third of
+    the steps replace them below 400 steps. They also do if the first companions are unstable, or
+    differ by more than the size of the solution. If no pair gives an estimate because one differs
+    so much, there is a warning.
     """
     unlike = ""
     for pair, fewest in ((_CHEAP, _FEWEST), (_CLOSE, _LEAST)):
@@ -131,13 +132,13 @@ def _difference(stepper: FixedStepper, pair: _Companions, n_steps: int) -> float
 
 
 def _companion(stepper: FixedStepper, n_steps: int) -> FixedStepper:
-    """Return a stepper of the same run with n_steps steps."""
+    """Return a stepper for the same run with `n_steps` steps."""
     steps = UniformSteps(stepper.t / n_steps)
     return FixedStepper(stepper.system, stepper.scheme, stepper.history, steps, n_steps)
 
 
 def _rows(stepper: FixedStepper, end: int) -> np.ndarray:
-    """Return the solution at the steps up to `end`, (k, d); fewer if the march cannot go on."""
+    """Return the solution (k, d) at the next steps up to `end`, or up to a step that fails."""
     rows = [np.zeros((0, stepper.system.n_solved))]
     while stepper.position < end and stepper.trouble is None:
         piece = stepper.advance(end)

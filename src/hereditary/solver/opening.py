@@ -1,4 +1,4 @@
-"""From the arguments of a run to how it steps, and to the stepper of an engine."""
+"""Check the arguments that determine the steps of a run, and open the stepper for them."""
 
 from dataclasses import replace
 from typing import Any
@@ -42,12 +42,13 @@ def how_to_step(
     t_end : float
         End of the run, counted from its start.
     state : State, optional
-        State of the run that is resumed. Its steps are kept, and its tolerances if none are given.
+        State of the run that is resumed. Its steps are kept, or its tolerances unless others are
+        given.
     history : optional
-        As for `solve`. With a tolerance only the `tol` of the modes counts.
+        The argument of `solve`. With `Collocation` only its attribute `tol` is used.
     **how
-        n_steps, mesh, rtol, atol, max_step and max_steps as for `solve`. The mesh is False if the
-        user could not give one.
+        n_steps, mesh, rtol, atol, max_step and max_steps, arguments of `solve`. `mesh` is False if
+        the calling function has no such argument.
     """
     if history is not None:
         instance("history", history, History, "hereditary.SumOfExponentials()")
@@ -69,10 +70,10 @@ def open_stepper(
     allow_change: bool = False,
     directions: np.ndarray | None = None,
 ) -> tuple[Any, Any]:
-    """Return a stepper at the start of a run, or at a state, and its last position.
+    """Return a stepper at the start of a run, or at its `state`, and the position of its end.
 
-    `how` is what `how_to_step` returned. `t_end` counts from the start. `directions` are those of
-    the tangents.
+    `how` is what `how_to_step` returned. `t_end` counts from the start. `directions` are the
+    initial directions of tangents, if there are any.
     """
     if system.delays:
         return _open_delayed(system, scheme, history, how, t_end, state, allow_change)
@@ -90,7 +91,10 @@ def _open_delayed(
     state: State | None,
     allow_change: bool,
 ) -> tuple[Any, Any]:
-    """Return a stepper of a system with delays, with separate tables, and its last position."""
+    """Return a stepper of a system with delays, and the position of the end of the run.
+
+    It gets a copy of the tables of delayed values, because it writes into them.
+    """
     delays, tables = system.delays, system.compiled_params.copy()
     system = replace(system, compiled_params=tables, delays=())
     own = state and replace(state, checkpoint=state.checkpoint[0])

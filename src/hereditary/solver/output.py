@@ -1,4 +1,7 @@
-"""Rows, dense output and events of a run."""
+"""The output of a run: its rows, its dense output and its events.
+
+A row is a time with y and y' at this time.
+"""
 
 from __future__ import annotations
 
@@ -13,17 +16,18 @@ from ..support.checks import complaint
 from ..support.machine import machine_storage
 from .events import Events
 
-# Number of rows for which there is storage at first if steps are chosen on the way.
+# Number of rows that are allocated at first if the number of steps is unknown.
 _SOME = 512
-# Relative distance, by rounding, of a requested time from the end of a step.
+# Relative distance up to which a time of `t_eval` counts as the end of a step: both are rounded.
 _SLACK = 8 * np.finfo(float).eps
 
 
 class Kept(NamedTuple):
-    """Which rows a run keeps.
+    """Which rows and components a run keeps.
 
-    These are every n-th step, or rows at times of the user (k,). `components` (k,) are the
-    components that are kept, without dense output; None for all.
+    Rows are those of every n-th step, n = `every`, or rows at the user's `times` (k,). `components`
+    are the numbers of the components that rows contain; None for all. With a choice of components
+    there is no dense output.
     """
 
     every: int
@@ -32,7 +36,7 @@ class Kept(NamedTuple):
 
 
 class Output:
-    """Rows, dense output and events of a run, collected piece by piece.
+    """Collector of the rows, the dense output and the events of a run, piece by piece.
 
     Parameters
     ----------
@@ -47,7 +51,7 @@ class Output:
     end : float
         Time up to which the output reaches.
     ended : bool
-        Whether an event has ended the run at that time.
+        Whether an event has ended the run, or this part of it, at `end`.
     """
 
     def __init__(self, stepper: Stepper, stop: float, kept: Kept, events: Events) -> None:
@@ -55,11 +59,11 @@ class Output:
         self._every, times, self._components = kept
         self._frame, self._asked, self.events = stepper.system.frame, times, events
         self._wanted = np.empty(0) if times is None else times - self._frame.start
-        # steps chosen by a tolerance are counted from the start of this run
+        # number of steps: of all runs with given steps, of this run with adaptive ones
         self._n = self._first = int(stepper.position) if self._counted else 0
         self._starting: FirstSteps | None = None
         self._second = stepper.system.second
-        # on given steps slopes are those of the dense output
+        # whether rows have y': always with given steps, whose dense output needs it
         speeds = bool(self._frame.speeds)
         self._sloped = self._counted or stepper.system.m == 2 or speeds
         self.end, self.ended = stepper.t, False
@@ -92,7 +96,7 @@ class Output:
         self._size = end
 
     def take(self, piece: Piece, start: float) -> None:
-        """Collect the dense output from time `start` on, up to an event that ends the run."""
+        """Add the solution on the steps since time `start`, up to an event that ends the run."""
         edges = np.append(piece.edges(), self._stepper.t)
         end = None
         if self.events.any:
@@ -111,7 +115,7 @@ class Output:
             self._add_last()
 
     def go_on(self, changed: bool | np.bool_) -> None:
-        """Continue at the present time of the march, where y may have `changed`."""
+        """Continue after an event at the stepper's time; `changed` is True if it changed y."""
         t, y = self._stepper.t, self._stepper.y
         self.ended = False
         if self._asked is not None:  # rows at the time of the event follow it
@@ -134,7 +138,7 @@ class Output:
         return chosen & (np.arange(first, first + chosen.size) % self._every == 0)
 
     def _take_wanted(self, piece: Piece) -> None:
-        """Collect the rows at the times of the user."""
+        """Add the rows at those times of the user that the steps have reached."""
         last = self.end if self.ended else self.end * (1 + _SLACK)
         at_end = self._stepper.position == self._stop and not self.ended
         if self.events.interrupted:  # rows at the event's time follow it
@@ -149,7 +153,7 @@ class Output:
     def close(self, t_end: float) -> tuple[np.ndarray, np.ndarray, np.ndarray, Dense | None]:
         """Return times (n,), y (n, d), y' (n, d), and the dense output or None.
 
-        Times, as `t_end`, are those of the user.
+        The times and `t_end` are the user's. y and y' have components of the run.
         """
         stepper, start = self._stepper, self._frame.start
         if self._asked is not None:

@@ -12,14 +12,14 @@ from ..support.checks import truth
 
 
 class ProgressBar:
-    """One line on a terminal or in a notebook: fraction done and time left; nothing elsewhere.
+    """Progress bar on a terminal or in a notebook, with the time left; silent elsewhere.
 
     Parameters
     ----------
     shown : bool
         Whether to show the bar.
     stream : text stream, optional
-        Stream that the line is written to; standard error by default.
+        Stream to write to; standard error by default.
     """
 
     WIDTH = 30
@@ -34,7 +34,7 @@ class ProgressBar:
         self._drawn = -1.0
 
     def update(self, share: float) -> None:
-        """Show that the fraction `share` in [0, 1] is done."""
+        """Show that the fraction `share` of the run, in [0, 1], is done."""
         if not self._live:
             return
         spent = time.perf_counter() - self._began
@@ -57,7 +57,7 @@ class ProgressBar:
 
 
 def _in_notebook(stream: Any) -> bool:
-    """Return whether a stream belongs to a notebook's kernel, where lines can be overwritten."""
+    """Return whether a stream belongs to a notebook's kernel, which can rewrite a line."""
     return type(stream).__module__.startswith("ipykernel.")
 
 
@@ -70,9 +70,10 @@ def _clock(seconds: float) -> str:
 class Interruption:
     """Context that counts Ctrl-C in `asked` instead of raising KeyboardInterrupt.
 
-    The second Ctrl-C raises as usual, or the one after `counted`. So does a Ctrl-C that came too
-    late to stop the run (`heeded` stays False). Outside the main thread, where no signal arrives,
-    nothing is counted.
+    A run looks at `asked` between batches of steps. When it stops, it sets `heeded`. After
+    `counted` times, one by default, the next Ctrl-C raises KeyboardInterrupt at once. At the end of
+    the context a Ctrl-C raises it too if `heeded` is still False: it came too late. Outside of the
+    main thread, which gets all signals, the context does nothing.
     """
 
     def __init__(self, counted: int = 1) -> None:

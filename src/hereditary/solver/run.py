@@ -1,4 +1,4 @@
-"""The run: a march to its end, with checks for Ctrl-C and a progress bar between batches."""
+"""The run: a stepper marches to the end, with checks of Ctrl-C and updates of the progress bar."""
 
 from __future__ import annotations
 
@@ -19,12 +19,13 @@ from .output import Output
 from .progress import Interruption, ProgressBar
 from .solution import Solution, warn_of
 
-# Most bytes of a history for which a solution keeps the stepper, and makes its state on demand.
+# Largest size in bytes of a history for which a solution keeps its stepper and makes its state
+# later.
 _LITTLE = 100_000
 
 
 class Drive:
-    """March to given positions, and report how the march ended if it stops earlier.
+    """Marches a stepper to given positions, and reports how the run ends if it stops earlier.
 
     Parameters
     ----------
@@ -32,8 +33,8 @@ class Drive:
     end : int or float
         Position at which the whole run ends.
     advance : callable
-        ``advance(stop)`` marches a part of the way to `stop`. It returns None, or an
-        `Ending` if the run ends.
+        ``advance(stop)`` marches a part of the way to `stop`. It returns None, or an `Ending` if
+        the run ends there.
     interruption : Interruption
     bar : ProgressBar
     """
@@ -50,7 +51,7 @@ class Drive:
         self._advance, self._interruption, self._bar = advance, interruption, bar
 
     def to(self, stop: float) -> Ending | None:
-        """March to `stop`; return None, or how the march ended before."""
+        """March to position `stop`; return None there, or an `Ending` if the run ends earlier."""
         march = self._march
         while march.position < stop:
             ended = self._advance(stop) or march.trouble
@@ -72,10 +73,11 @@ def run(
     began: float,
     march: Callable[[Drive, Any], Ending | None] = Drive.to,
 ) -> Solution:
-    """March to position `stop`, the user's time `t_end`, or as far as possible.
+    """March to position `stop`, the user's time `t_end`, and return the `Solution`.
 
-    Return the `Solution`. `began` is the time of time.perf_counter at which preparations began.
-    ``march(drive, stop)`` moves a `Drive` to `stop`.
+    If the run ends earlier, the solution has the rows up to there. `began` is the
+    time.perf_counter() at which the preparation of the run began. ``march(drive, stop)`` marches to
+    `stop` with a `Drive`.
     """
     ready = time.perf_counter()
     events = output.events
@@ -118,8 +120,8 @@ def run(
         status=ended.status,
         message=report(stepper, ended),
         stats=stats,
-        # a small state is made when it is requested, which takes as long as some steps; until then
-        # the solution keeps the stepper
+        # making a state takes as long as several steps: a small one is made when it is asked for,
+        # and until then the solution keeps the stepper
         left=left if small else left(),
         dense=dense,
         t_events=[np.array(times) + frame.start for times in events.times[:n_events]],
@@ -133,7 +135,7 @@ def run(
 
 
 def go_back(stepper: Stepper, checkpoint: tuple, t: float) -> None:
-    """Let a stepper return to `checkpoint`, and march to the stop at time t."""
+    """Restore a stepper from `checkpoint`, and march it to the first stop not before time t."""
     stepper.come_back(checkpoint)
     stop = stepper.stop_at(t).position
     while stepper.position < stop and stepper.trouble is None:
@@ -141,7 +143,10 @@ def go_back(stepper: Stepper, checkpoint: tuple, t: float) -> None:
 
 
 def note_missed(solution: Solution, stepper: Stepper) -> None:
-    """Warn if f differs from its polynomial at a check point of a successful run."""
+    """Warn if the steps of a successful run missed a force that acts for a short time.
+
+    Such a force shows as a difference of f and its interpolant between the nodes of a step.
+    """
     missed = stepper.health.missed
     if solution.success and missed:
         t = missed + stepper.system.frame.start
@@ -161,9 +166,9 @@ def reached_end(stepper: Stepper) -> Status:
 
 
 def report(stepper: Stepper, ended: Ending) -> str:
-    """Return the status in a sentence with numbers of the run; warn of an early ending.
+    """Return the message of a run, its status with numbers; warn if it ended early or is unstable.
 
-    An exception of a function in Python is raised by the caller instead.
+    There is no warning if a function called in Python raised: its exception is raised again later.
     """
     inaccurate, health = Status.KERNEL_INACCURATE, stepper.health
     status, detail, error = ended

@@ -1,4 +1,4 @@
-"""Results of a run: rows, status, and the state from which it can be resumed."""
+"""The result of a run: its rows, how it ended, and the state to resume it."""
 
 from __future__ import annotations
 
@@ -23,12 +23,12 @@ from ..support.warning import warn
 _SAVED = "be a solution that Solution.save wrote"
 # Fields of a solution that `Solution.save` writes as arrays.
 _ARRAYS = "t", "y", "ydot"
-# Statuses of runs that ended as the user asked.
+# Statuses of runs that ended as the user wanted, without a warning.
 _QUIET = (Status.COMPLETED, Status.EVENT, Status.INTERRUPTED)
 
 
 def warn_of(status: Status, message: str, unstable: bool = False) -> None:
-    """Warn, at the line of the user, of a status that the user did not ask for."""
+    """Warn, at the user's line, of an instability or of an end that the user did not ask for."""
     if unstable or status not in _QUIET:
         warn(message, StabilityWarning if unstable else SolveWarning)
 

@@ -1,4 +1,4 @@
-"""`solve`: checks its arguments, opens a stepper, and makes a run."""
+"""The function `solve`: it checks the arguments, opens a stepper and starts the run."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ from .run import Drive, note_missed, run
 from .solution import Solution
 
 _CHANGES = "map times to functions change(t, y), e.g. {12.0: dose}"
-# Keywords of other solvers, and what to write instead.
+# For keywords of other solvers, what a message says to write instead.
 _INSTEAD = {
     "t0": "Equation(..., t_start=t0) sets the start",
     "t_span": "Equation(..., t_start=...) sets the start, and solve(eq, t_end) the end",
@@ -296,7 +296,10 @@ def solve(
 def _begin(
     resume: State | None, scheme: Scheme, allow_change: bool, start: float, t_end: float
 ) -> float:
-    """Return the user's time at which a run to t_end begins: `start`, or that of a valid state."""
+    """Return the user's time at which a run to t_end begins: `start`, or that of the state.
+
+    Refuses a state that does not fit the scheme or has been changed.
+    """
     if resume is None:
         if allow_change:
             remedy = "it allows another right-hand side than the state's"
@@ -313,7 +316,7 @@ def _begin(
 
 
 def _kept(equation: Equation, save_every: Any, times: np.ndarray | None, components: Any) -> Kept:
-    """Return which rows a run keeps, checked: rows at `times`, or every n-th step."""
+    """Check the arguments on output; return which rows and components the run keeps."""
     save_every = min(count("save_every", whole(save_every)), COUNTED)
     if save_every > 1 and times is not None:
         refuse("save_every", "be left out if t_eval names the rows to keep", save_every)
@@ -325,13 +328,13 @@ def _kept(equation: Equation, save_every: Any, times: np.ndarray | None, compone
 
 
 def _listed(functions: Any) -> tuple:
-    """Return one function, several or none as a tuple."""
+    """Return an argument as a tuple of functions: it may be one, several or None."""
     functions = () if functions is None else functions
     return tuple(functions) if isinstance(functions, (list, tuple)) else (functions,)
 
 
 def run_end(name: str, t_end: Any, start: float) -> float:
-    """Return the end of a run, checked to be a number above its start."""
+    """Check that the end of a run is a number above its start; return it as a float."""
     if start == 0:
         return positive(name, t_end)
     number = real(name, t_end)
@@ -341,7 +344,7 @@ def run_end(name: str, t_end: Any, start: float) -> float:
 
 
 def chosen_scheme(scheme: Any, rtol: Any, n_steps: Any, mesh: Any, resume: Any) -> Scheme:
-    """Return the given scheme, or that of the state, or the default for the other arguments."""
+    """Return the given scheme, else that of the state, else the default for the other arguments."""
     if scheme is not None:
         return instance("scheme", scheme, Scheme, "hereditary.ExplicitCaputo()")
     if isinstance(resume, State) and (rtol is None or chooses_steps(resume.scheme)):
@@ -351,14 +354,14 @@ def chosen_scheme(scheme: Any, rtol: Any, n_steps: Any, mesh: Any, resume: Any) 
 
 
 def evaluation_times(t_eval: Any, t_start: float, t_end: float) -> np.ndarray | None:
-    """Return the requested times of rows, checked; None if there are none."""
+    """Check `t_eval` and return it as an array of times in the run; None if it is None."""
     if t_eval is None:
         return None
     times = np.atleast_1d(real_array("t_eval", t_eval))
     inside = f"be increasing times in [{t_start}, {t_end}]"
     if times.ndim != 1 or times.size == 0:
         refuse("t_eval", inside, f"shape {times.shape}")
-    # times that are computed in another way may differ from the ends by rounding
+    # times that the user computed may miss the ends of the run by rounding
     slack = 1e-12 * max(abs(t_start), abs(t_end))
     if (times[1:] <= times[:-1]).any() or times[0] < t_start - slack or times[-1] > t_end + slack:
         refuse("t_eval", inside, shown(times))

@@ -1,4 +1,4 @@
-"""The contract of schemes: their orders, and the equations that they accept."""
+"""The base class of schemes: their order, their plan, and the equations that they solve."""
 
 from __future__ import annotations
 
@@ -12,16 +12,16 @@ from ..support.checks import one_of, refuse
 
 
 def check_smoothness(smoothness: str) -> None:
-    """Refuse anything but "smooth" and "singular", the solutions that proven orders distinguish."""
+    """Refuse anything but "smooth" and "singular": proven orders differ for these two solutions."""
     one_of("smoothness", smoothness, ("smooth", "singular"), 'be "smooth" or "singular"')
 
 
 class Scheme(ABC):
     """A scheme that advances the solution by one step; each subclass is a final frozen dataclass.
 
-    A subclass declares how a step is solved: `solve` is a key of `MARCHES` in given/march.py. It
-    also declares its proven order, its plan, and the equations that it accepts. The study
-    convergence/capabilities.py makes a table of these equations.
+    A subclass declares its proven order, its plan and the equations that it accepts. `solve` is the
+    method that solves a step, a key of `MARCHES` in given/march.py. The study
+    convergence/capabilities.py makes a table of the equations that each scheme accepts.
 
     Attributes
     ----------
@@ -42,7 +42,7 @@ class Scheme(ABC):
     """
 
     solve: ClassVar[str] = "newton"
-    # whether the increments that the scheme stores for orders above 1 include t x'(0)
+    # whether the history of a term of order above 1 contains the part t x'(0) of the solution
     whole: ClassVar[bool] = False
     several_terms: ClassVar[bool] = True
     several_up_to: ClassVar[float] = 2.0
@@ -58,16 +58,16 @@ class Scheme(ABC):
 
     @property
     def orders(self) -> tuple[float, float]:
-        """Highest orders (low, high] of the equations that the scheme solves."""
+        """Interval (low, high] of the highest order of equations that the scheme solves."""
         return 0.0, 2.0
 
     @property
     def is_map(self) -> bool:
-        """Whether the steps are the equation itself, without error and without stability limit."""
+        """Whether the equation is a map, so that steps have no error and no stability limit."""
         return False
 
     def check_terms(self, system: System) -> None:
-        """Refuse orders and terms that the scheme cannot solve."""
+        """Refuse a system with orders or terms that the scheme does not accept."""
         remedy = "use ExplicitCaputo, L1 or Collocation"
         name = type(self).__name__
         if system.read.any():
@@ -103,7 +103,7 @@ class Scheme(ABC):
         """Make the `Plan` (given/plan.py) for `system` with step h."""
 
     def reduction(self, system: System) -> System | None:
-        """Return a system that is solved instead, whose first d components are y, or None."""
+        """Return a system to solve instead of `system`, or None; its first d components are y."""
         return None
 
     def mesh_plan(self, system: System, times: np.ndarray) -> Any:

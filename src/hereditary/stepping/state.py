@@ -1,4 +1,4 @@
-"""States from which runs are resumed, and the properties that both runs must share."""
+"""States: what a run saves so that another run can resume it, and checks that both runs agree."""
 
 import importlib.metadata
 from dataclasses import dataclass, field, is_dataclass, replace
@@ -11,10 +11,11 @@ from ..equation.system import System
 from ..support.checks import refuse, shown
 from .scheme import Scheme
 
-# Fractions of the elapsed time at which a state stores values of orders and kernels that are
-# functions.
+# Times, as fractions of the time reached, at which a state samples orders and kernels that are
+# functions, to compare them when a run is resumed.
 _LOOKS = np.linspace(0.0, 1.0, 5)
-# Properties of an equation that may change on purpose, because the memory does not depend on them.
+# Entries of `State.identity` that may differ with allow_change=True: the memory does not depend on
+# them.
 _CHANGEABLE = ("params", "right-hand side")
 # Largest number of characters of a value that a message shows.
 _SHOWN = 120
@@ -22,7 +23,7 @@ _SHOWN = 120
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class State:
-    """Everything that a run needs to be resumed, in read-only arrays; it pickles.
+    """Everything that is needed to resume a run, in read-only arrays; it can be pickled.
 
     Attributes
     ----------
@@ -32,9 +33,9 @@ class State:
         Solution at `t`.
     scheme : Scheme
     how : UniformSteps, MeshSteps or Tolerance
-        How the run chose its steps. Given steps are those made so far.
+        How the run chose its steps; for given steps, the steps made so far.
     history : History or None
-        History of given steps; None with a tolerance.
+        History of a run with given steps; None with Collocation.
     identity : dict
         Terms, right-hand side and other properties of the run, by name. They are checked when the
         run is resumed, and so are `version` and `layout`.
@@ -69,7 +70,7 @@ def go_on_from(state: State | None, stepper: Any, allow_change: bool) -> None:
 
 
 def state_of(stepper: Any, scheme: Scheme, how: Any, history: Any = None) -> State:
-    """Return the state of a stepper from its checkpoint and its `identity`."""
+    """Return the `State` of a stepper that has a method `identity`."""
     state = State(
         t=stepper.t,
         y=stepper.y,
@@ -85,14 +86,14 @@ def state_of(stepper: Any, scheme: Scheme, how: Any, history: Any = None) -> Sta
 
 
 def _arrays(part: Any) -> list[np.ndarray]:
-    """List the arrays in a nested tuple."""
+    """List the arrays in a tuple and in the tuples inside it; ignore objects of other types."""
     if isinstance(part, np.ndarray):
         return [part]
     return [array for each in part for array in _arrays(each)] if isinstance(part, tuple) else []
 
 
 def check_sound(state: Any) -> None:
-    """Refuse a state of another version, or with other arrays than those that were stored."""
+    """Refuse a state of another version of the library, or with arrays that have been changed."""
     here, version = _version(), getattr(state, "version", "another one")
     if version != here:
         required = f"come from the same version of hereditary, here {here}"
@@ -115,14 +116,14 @@ def _version() -> str:
 
 
 def identity(system: System, t: float, **how: Any) -> dict[str, Any]:
-    """Return the properties that a run to time t shares with a run that resumes it, by name.
+    """Return the properties of a run to time t that a run must share to resume it, by name.
 
     Parameters
     ----------
     system : System
     t : float
     **how
-        Further properties, such as the scheme or tolerances, as values that can be compared.
+        Further properties, such as the scheme and tolerances, in a form that can be compared.
     """
     return {
         **how,
@@ -149,7 +150,10 @@ def described_terms(system: System, t: float) -> dict[str, list]:
 
 
 def check_identity(theirs: dict[str, Any], mine: dict[str, Any], allow_change: bool) -> bool:
-    """Refuse a state of another run; return whether the equation was changed on purpose."""
+    """Refuse a state whose identity `theirs` differs from `mine`; return whether it differs.
+
+    With `allow_change` the right-hand side and the parameters may differ.
+    """
     changed = [name for name in mine if theirs[name] != mine[name]]
     for name in changed:
         if allow_change and name in _CHANGEABLE:
@@ -170,7 +174,7 @@ def _short(value: object) -> str:
 def described(description: Any) -> str:
     """Return a text that describes a frozen dataclass: its name and its fields.
 
-    A value may be a scheme, which is described likewise.
+    A field may be a number, None, or another frozen dataclass such as a scheme.
     """
     values = {
         key: value if value is None else described(value) if is_dataclass(value) else float(value)

@@ -75,7 +75,7 @@ class StabilityWarning(SolveWarning):
 
 
 class Ending(NamedTuple):
-    """How a march or a run ended: status, a clause for the message, and the exception."""
+    """How a run ended: its status, a clause for its message, and the exception that ended it."""
 
     status: Status
     detail: str = ""
@@ -83,11 +83,14 @@ class Ending(NamedTuple):
 
 
 def failed(error: BaseException) -> Ending:
-    """Return the `Ending` of a run by an exception, which names the function that raised it."""
+    """Return the `Ending` of a run that an exception ended.
+
+    The status depends on what raised it: an order, a kernel or the right-hand side.
+    """
     cause = original(error)
     if isinstance(cause, OrderFailed):
         return Ending(Status.ORDER_FAILED, str(cause), error)
-    # kernels are called from Python alone, so their methods are among the frames
+    # only Python calls kernels, so a method of the kernel is among the frames of the traceback
     owners = (frame.f_locals.get("self") for frame, _ in traceback.walk_tb(cause.__traceback__))
     by_kernel = any(isinstance(owner, MemoryKernel) for owner in owners)
     status = Status.KERNEL_FAILED if by_kernel else Status.RHS_FAILED

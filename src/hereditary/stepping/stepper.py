@@ -1,4 +1,4 @@
-"""The contract of steppers: what a march of one equation provides to its callers."""
+"""The interface of steppers, which solve one equation step by step for all kinds of runs."""
 
 from __future__ import annotations
 
@@ -23,12 +23,12 @@ class Stop(NamedTuple):
 
 
 class Health(NamedTuple):
-    """Faults of a march that can go on.
+    """Faults of a run that do not stop it.
 
-    - instability: status beyond a stability limit, else None; remedy: what shows it, and what to
-      take instead, in a clause.
-    - misfit: by how much kernels miss their tolerance, in words; empty if they keep it.
-    - missed: a time at which f differs from its interpolant, or 0 [time].
+    - instability: status of a run beyond a stability limit, else None.
+    - remedy: a clause that says how the instability shows, and what to do about it.
+    - misfit: a clause that says by how much kernels miss their tolerance; empty if none does.
+    - missed: a time at which f differs much from its interpolant, or 0 if there is none [time].
     """
 
     instability: Status | None = None
@@ -70,7 +70,7 @@ class Stepper(ABC):
     counted = True
 
     def set_breaks(self, times: np.ndarray, t_end: float) -> None:
-        """Let steps beside these times, (k,), evaluate f on their own side, in a run to t_end."""
+        """Set times (k,) of jumps of f before t_end; steps on each side use f of that side."""
         if times.size:
             refuse("breaks", f"be left out with {type(self).__name__}", shown(times))
 
@@ -80,7 +80,7 @@ class Stepper(ABC):
 
     @abstractmethod
     def advance(self, stop: float, keep: bool = True) -> Piece | None:
-        """March some way towards position `stop`; return dense output of it if `keep` is true."""
+        """Make steps towards position `stop`; return the solution on them if `keep` is True."""
 
     @property
     @abstractmethod
@@ -104,12 +104,12 @@ class Stepper(ABC):
 
     @property
     def trouble(self) -> Ending | None:
-        """Why a march cannot go on, otherwise None."""
+        """Why the stepper cannot make the next step; None if it can."""
         return None
 
     @property
     def health(self) -> Health:
-        """Faults of a march that can go on; none by default."""
+        """Faults that do not stop the march; none by default."""
         return Health()
 
     def stats(self) -> dict[str, Any]:
@@ -118,11 +118,11 @@ class Stepper(ABC):
 
     @abstractmethod
     def checkpoint(self) -> tuple:
-        """Return copies of everything that a step changes."""
+        """Return copies of all data from which `come_back` restores the march."""
 
     @abstractmethod
     def come_back(self, checkpoint: tuple) -> None:
-        """Return to the time at which `checkpoint` was taken; the checkpoint may be used again."""
+        """Restore the march from what `checkpoint` returned, which can be used again."""
 
 
 class ResumableStepper(Stepper):
@@ -130,20 +130,20 @@ class ResumableStepper(Stepper):
 
     @abstractmethod
     def state(self) -> State:
-        """Return a state from which another run continues."""
+        """Return the state from which another run can resume this one."""
 
     @abstractmethod
     def restore(self, state: State, allow_change: bool = False) -> None:
-        """Continue from `state`; `allow_change` admits another right-hand side or parameters."""
+        """Continue from `state`; `allow_change` allows a changed right-hand side or parameters."""
 
 
 class Grown(NamedTuple):
     """Growth of k tangents over a part of a march with n renormalisations.
 
-    - piece: dense output of this part, or None.
-    - logs: for each renormalisation its mark, and the logarithms of the growth since the one
-      before, (n, 1 + k).
-    - lost: whether tangents overflowed or vanished.
+    - piece: the solution on this part, or None.
+    - logs (n, 1 + k): for each renormalisation its mark (compiled/schedule.py), then the logarithms
+      of the tangents' growth since the renormalisation before.
+    - lost: whether tangents overflowed or became 0.
     """
 
     piece: Piece | None
@@ -152,7 +152,7 @@ class Grown(NamedTuple):
 
 
 class TangentStepper(Stepper):
-    """A stepper that solves tangents together with the orbit."""
+    """A stepper that solves the equation and its linearisation along k directions: k tangents."""
 
     @property
     @abstractmethod
@@ -167,10 +167,11 @@ class TangentStepper(Stepper):
         """Replace the tangents and their history by ``tangent @ matrix``; matrix (k, k)."""
 
     def grow(self, stop: float, schedule: Any) -> Grown:
-        """March towards position `stop`, and make the tangents orthonormal when that is due.
+        """Make steps towards position `stop`, and make the tangents orthonormal by `schedule`.
 
-        This is Benettin's loop, one renormalisation a call: ``tangent = Q R``, and the tangents are
-        multiplied by the inverse of R. A stepper may make several renormalisations in one call.
+        This is Benettin's method: at a renormalisation ``tangent = Q R``, and the tangents are
+        multiplied by the inverse of R. This method does at most one renormalisation in a call. That
+        of a subclass may do more.
 
         Parameters
         ----------

@@ -1,4 +1,4 @@
-"""Times at which runs stop: breaks, events, changes and ends. Nearly equal times count as one."""
+"""Times at which runs stop: breaks, events, changes and ends. Rounding does not separate them."""
 
 from typing import Any
 
@@ -23,9 +23,9 @@ def checked_breaks(breaks: ArrayLike, start: float) -> np.ndarray:
 
 
 def together(times: Any, t: Any, origin: float = 0.0) -> np.ndarray:
-    """Return whether times equal t up to rounding, so that what happens there happens at once.
+    """Return for each of `times` whether it equals t up to rounding.
 
-    Users' functions get times with `origin` added, whose rounding counts.
+    The user's times are these plus `origin`, whose rounding errors count too.
     """
     return np.abs(times - t) <= _ONE_TIME * np.maximum(np.abs(t), abs(origin))
 

@@ -20,9 +20,9 @@ from numpy.typing import ArrayLike
 _P = ParamSpec("_P")
 _R = TypeVar("_R")
 
-# Least similarity of a string to the name that it is taken for: "explicit" has 0.73 to
-# ExplicitCaputo, and SciPy's "Radau" has 0.6 to Adams. At 1 only names written in full are
-# recognised.
+# Least similarity, by difflib, of a string to the name of a class that a message then suggests.
+# "explicit" has 0.73 to ExplicitCaputo, and SciPy's "Radau" has 0.6 to Adams. At 1 only names
+# written in full would be recognised.
 _NEAR = 0.65
 # Words of a message for an integer above the largest float, which may have thousands of digits.
 _BEYOND = "a number beyond 1e308"
@@ -45,14 +45,14 @@ def refuse(
 
 
 def left_out(reason: str, remedy: str = "", **given: Any) -> None:
-    """Refuse arguments that are given although they must be left out."""
+    """Refuse each of the arguments `given`, by name, whose value is not None."""
     for name, value in given.items():
         if value is not None:
             refuse(name, f"be left out {reason}", shown(value), remedy)
 
 
 def refusing(instead: dict[str, str]) -> Callable[[Callable[_P, _R]], Callable[_P, _R]]:
-    """Return a decorator that refuses keywords, and says what to write `instead` of each."""
+    """Return a decorator that refuses keywords by name and says what to write `instead`."""
 
     def decorator(function: Callable[_P, _R]) -> Callable[_P, _R]:
         @wraps(function)
@@ -133,7 +133,7 @@ def one_of(
     remedy: str = "",
     kind: type[Exception] = ValueError,
 ) -> Any:
-    """Return the option that `value` is or equals; an array equals none."""
+    """Return the option that `value` is or equals, or refuse it; an array equals no option."""
     for option in options:
         if value is option or (np.isscalar(value) and value == option):
             return option
@@ -204,7 +204,7 @@ def instance(argument: str, value: Any, kind: type, example: str) -> Any:
 
 
 def _call_named(name: str, kind: type) -> str:
-    """Return a remedy, the call of the class of this kind with a name like `name`; or ""."""
+    """Return a remedy that suggests the subclass of `kind` with the most similar name; or ""."""
     classes = [kind]
     for one in classes:
         classes += one.__subclasses__()

@@ -1,4 +1,4 @@
-"""Cores and storage of the machine."""
+"""Number of cores and size of the storage of the machine."""
 
 import os
 
@@ -13,7 +13,7 @@ def cores() -> int:
 
 
 def machine_storage() -> float:
-    """Return the bytes of main memory, if the system says."""
+    """Return the size of the machine's storage in bytes; infinite if the system does not say."""
     try:
         return float(os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES"))
     except (AttributeError, OSError, ValueError):

@@ -12,7 +12,7 @@ _HERE = str(Path(__file__).parent.parent) + os.sep  # the package
 
 
 class ThreadSwitch(threading.local):
-    """A flag that is False except inside `set()`, in the thread that calls it."""
+    """A flag for each thread: True within ``with set():`` of the same thread, otherwise False."""
 
     value = False
 

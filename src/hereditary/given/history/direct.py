@@ -10,9 +10,9 @@ from ..plan import Convolution
 from ..signatures import Tables, held
 from .history import History, OpenHistory
 
-# Most steps whose weights are computed at a time, if each step has a separate row of weights.
+# Most steps whose weights are computed at a time, if weights differ from step to step.
 _ROWS = 64
-# Number of weights that are computed at a time, approximately.
+# Largest number of weights that are computed at a time, if weights differ from step to step.
 _NUMBERS = 2**15
 
 
@@ -48,7 +48,7 @@ class Direct(History):
 
 
 class _Pieces(OpenHistory):
-    """All pieces since the start, in arrays that grow by doubling."""
+    """Memory of all pieces of a run on uniform steps, in arrays that grow by doubling."""
 
     def __init__(self, past, n_columns, n_block):
         self._past, self._n_block = past, n_block
@@ -70,13 +70,13 @@ class _Pieces(OpenHistory):
 
 
 class _PiecesByRows(_Pieces):
-    """All pieces since the start, with separate weights for each step."""
+    """Memory of all pieces of a run whose steps each have weights of their own."""
 
     def _tabulate(self, n):
         """Do nothing: `reach` computes the weights."""
 
     def reach(self, n, pieces, groups):
-        """Compute the weights of the steps from n on."""
+        """Compute the weights of step n and of some later steps; return the step behind these."""
         first, end = self.tables.first, self.tables.first + self.tables.rows
         if not (first <= n < end and self.tables.weights.size):
             size = min(_ROWS, max(1, _NUMBERS // (n + 1)))

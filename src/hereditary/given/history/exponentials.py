@@ -1,8 +1,9 @@
-"""Sum of exponentials: the past as about fifty decaying modes, O(1) for each step.
+"""Sums of exponentials: about fifty decaying modes replace the past, O(1) operations a step.
 
-On a uniform mesh the weights W_k, k >= 2, of all terms of an equation are sums over one bank of
-rates s_i. They are ``W_k = sum_i V_i q_i**(k-2)`` with q_i = exp(-s_i h). The modes ``Z_i = sum_m
-q_i**(n-2-m) u_m`` then contain the whole past.
+All terms share one set of rates s_i, the bank. On uniform steps the weights are
+``W_k = sum_i V_i q_i**(k-2)``, k >= 2, with q_i = exp(-s_i h). So the lag of a step is a weighted
+sum of the modes ``Z_i = sum_m q_i**(n-2-m) u_m``, where u_m are the pieces. No pieces need to be
+stored.
 """
 
 import math
@@ -32,17 +33,16 @@ from ..signatures import Tables, held
 from ..steps import Span
 from .history import History, OpenHistory
 
-# Number of steps that every bank of modes covers. A run may be resumed up to here whatever its
-# first length, and all shorter runs share a bank. Longer runs take a bank for ten times as many
-# steps, and so on. Compared with a bank for 1e4 steps this costs a third more modes at a tolerance
-# of 1e-10.
+# Number of steps that a bank covers at least; longer runs get a bank for ten times as many, and so
+# on. Every run may be resumed up to this step, and all shorter runs share one bank. A bank for 1e4
+# steps would have a third fewer modes at a tolerance of 1e-10.
 _STEPS_COVERED = 2 * 10**7
-# Number of steps of a mesh whose rows of tables are computed at once.
+# Number of steps of a mesh whose tables are computed at a time.
 _ROWS = 256
-# On uniform steps with constant orders the number of rates is a multiple of this, the width of a
-# SIMD register.
+# On uniform steps with constant orders the number of rates is a multiple of this number, the width
+# of a SIMD register.
 _PAD = 8
-# If orders vary, the number of rates on the grid is a multiple of this.
+# If orders vary, the number of rates exp(x + h j) is a multiple of this number.
 _FOURS = 4 * LANES
 # Last clause of a message that refuses to resume a run.
 _REMEDY = "begin the run with SumOfExponentials(horizon=), the time it is to reach"
@@ -52,7 +52,7 @@ _REMEDY = "begin the run with SumOfExponentials(horizon=), the time it is to rea
 class SumOfExponentials(History):
     """A sum of exponentials in place of each memory kernel; all terms share the decaying modes.
 
-    This is the default.
+    This is the default history.
 
     Parameters
     ----------
@@ -107,10 +107,10 @@ class SumOfExponentials(History):
             covered = self._covered(span + 1, (), span) if mesh is None else self._span(mesh, span)
             own = _ModesOfAllOrders if past.varies else _FittedModes
             return own(past, n_columns, covered, float(self.tol))
-        # one more block: a lag is computed for whole blocks
+        # cover one more block than the run has, because lags are computed for whole blocks
         kernels = past.kernels()
         covered = self._covered(span + n_block, kernels, span)
-        # the user's kernels may change between runs, powers do not: so their tables are not cached
+        # a user's kernels may change between runs; tables of power laws are cached
         tabulate = _tabulated if kernels else _kept
         tables, blocks, pad, errors = tabulate(past, float(covered), self.tol, n_block)
         n = tables.weights.shape[1]
@@ -118,7 +118,10 @@ class SumOfExponentials(History):
         return _Modes(tables, arrays, blocks, n - pad, covered, errors)
 
     def _covered(self, enough, kernels, n_steps):
-        """Return how many steps a bank covers: with fitted kernels those of the run alone."""
+        """Return how many steps a bank covers: at least `enough`, or `n_steps` for fitted kernels.
+
+        Fitted kernels are those that are given as a function or a table.
+        """
         asked = max(n_steps, 1)
         if any(kernel.kernel.by_values for kernel in kernels):
             return asked
@@ -128,14 +131,18 @@ class SumOfExponentials(History):
         return covered
 
     def _span(self, mesh, span):
-        """Return the shortest and longest time lag of modes on a mesh."""
-        # a mesh of one step may be continued, by steps that are no shorter
+        """Return the shortest and the longest time lag that modes cover on a mesh."""
+        # if a run has one step, the steps of a resumed run must not be shorter
         shortest = span.shortest if np.isfinite(span.shortest) else mesh[1]
         return Span(shortest, max(span.farthest, self.horizon or 0.0))
 
 
 class _Tabulated(NamedTuple):
-    """Tables of `exchange_modes`, block weights, padding modes, and errors of the kernels."""
+    """Tables and errors of a sum of exponentials on uniform steps.
+
+    - tables: those of `exchange_modes`; blocks: weights of pieces and start values inside blocks.
+    - pad: number of rates that only fill up a multiple of `_PAD`; errors: those of the kernels.
+    """
 
     tables: Tables
     blocks: tuple
@@ -144,7 +151,7 @@ class _Tabulated(NamedTuple):
 
 
 def _tabulated(convolution, covered, tol, n_block):
-    """Compute the tables of a convolution over `covered` steps, for blocks of `n_block` steps."""
+    """Return the `_Tabulated` of a convolution over `covered` steps, in blocks of `n_block`."""
     exponents, kernels, tol = convolution.exponents(), convolution.kernels(), float(tol)
     fits = [kernel.exponentials(covered, tol) for kernel in kernels]
     sums = [fit_unit(exponents, covered, tol), *fits]
@@ -162,7 +169,7 @@ def _tabulated(convolution, covered, tol, n_block):
     n_short = min(first, n_block + 2)
     block_weights[:, :n_short] += corrections[:, :n_short]
     block_start_weights[:, 2:n_block] = (start_shares @ ahead[:, :-1]).real[:, 2:]
-    # the march sets all modes of a start value to it, also imaginary parts: hence the factor
+    # the march sets real and imaginary parts of all modes of a start value to this value
     start_shares = start_shares / np.where(rates.imag != 0, 1 + 1j, 1)
     back = np.vstack([ahead[:, :-1].T[::-1], ahead[:, -1]])
     weights, start_weights, keep = map(bank.real_modes, (shares, start_shares, back))
@@ -177,26 +184,35 @@ _kept = lru_cache(maxsize=64)(_tabulated)
 
 
 class _RowModes(OpenHistory):
-    """Modes with separate factors and weights for each step; subclasses choose the rates."""
+    """Memory of modes whose decay and weights are computed for each step.
+
+    Subclasses define the rates of the modes and their weights.
+    """
 
     _exchange: ClassVar[Callable]
 
     @abstractmethod
     def _bank(self) -> tuple[np.ndarray, int]:
-        """Return rates in units of 1 / nearest distance, and how many of them count as modes."""
+        """Return the rates of the modes, and the number of modes to report.
+
+        The unit of 1 / rate is the shortest time lag.
+        """
 
     @abstractmethod
     def _weighed(self, seen: np.ndarray, here: slice) -> dict:
-        """Return the weights of modes in rows `here` of the past, with factors `seen`."""
+        """Return fields of `Tables` with the weights of modes in the steps `here`.
+
+        `here` is a slice of the rows of `past.rows`; `seen` are the decays from `RowSums.decays`.
+        """
 
     def __init__(self, past, n_columns, covered, tol):
         self._past, self._covered, self._tol, self._rows = past, covered, tol, past.rows
-        # derivative inside each term, 0 for terms without memory
+        # the derivative, 1 or 2, in each term of each group; 0 for terms without memory
         derivatives = np.zeros((len(past.terms), max(map(len, past.terms))))
         for row, terms in zip(derivatives, past.terms, strict=True):
             row[: len(terms)] = [0 if op.classical else op.derivative for _, op in terms]
         self._kinds, mesh = np.unique(derivatives[derivatives > 0]).astype(int), past.steps.mesh
-        # above order 1 velocities are those of midpoints of steps
+        # above order 1 velocities are lines between middles of steps: the least lag is half a step
         self._nearest = past.steps.h if mesh is None else covered.shortest / self._kinds[-1]
         self._ratio = covered if mesh is None else max(2.0, covered.farthest / self._nearest)
         n_sets = 1 if mesh is None else self._kinds.size
@@ -212,7 +228,7 @@ class _RowModes(OpenHistory):
         super().__init__(self._exchange, tables, arrays, *past.exact(0))
 
     def reach(self, n, pieces, groups):
-        """Compute decay, input and weights of the modes in the steps from n on."""
+        """Compute decay and weights of the modes for the batch of steps with step n, if unknown."""
         end, rows = self._past.reach(n)
         first = n // self.tables.rows * self.tables.rows
         last = min(first + self.tables.rows, rows.first + rows.theta.size)
@@ -224,7 +240,7 @@ class _RowModes(OpenHistory):
         return min(end, last)
 
     def prepare(self, n_end):
-        """Refuse steps beyond those that the modes cover."""
+        """Refuse a march to step `n_end` with time lags that the modes do not cover."""
         times, covered = self._past.steps.mesh, self._covered
         if times is None:
             return _refuse_beyond(covered, n_end)
@@ -256,7 +272,7 @@ class _FittedModes(_RowModes):
             for c, operator in terms:
                 if not operator.classical:
                     p, kind = operator.power, operator.derivative - 1
-                    # factor of c p t**(p-1) / Gamma(p + 1) in units of the nearest distance
+                    # the kernel c p t**(p-1) / Gamma(p + 1), with the shortest lag as unit of t
                     scale = c * p * operator.factor(1.0) * self._nearest ** (p - 1)
                     columns = slice(kind * self.tables.length, kind * self.tables.length + size)
                     own[: seen.shape[1], columns] += scale * self._fitted[p] * seen[kind]
@@ -265,16 +281,17 @@ class _FittedModes(_RowModes):
 
 
 class _ModesOfAllOrders(_RowModes):
-    """Modes for all orders, whose weights the march computes (`read_rows`)."""
+    """Memory of modes for varying orders, which the march sums itself (`read_rows`)."""
 
     _exchange = staticmethod(exchange_nothing)
 
     def _bank(self):
         rates, self._h, x = bank_of_all_orders(self._ratio, self._tol)
-        # the number of grid rates is rounded up to what is summed at a time
+        # extend the grid of rates to a multiple of _FOURS
         n_grid = _FOURS * math.ceil((rates.size - SLOW_NODES) / _FOURS)
-        # logarithms whose products with an exponent give three amplitudes: that before the grid,
-        # the ratio of neighbours, and the ratio over a fourth of the grid
+        # For the kernel t**-a, a times the first number is the logarithm of the amplitude before
+        # the grid. With the second number it is that of the ratio of two amplitudes. With the third
+        # number it is that of this ratio to the power n_grid / LANES.
         self._logs = x - math.log(self._nearest), self._h, self._h * n_grid / LANES
         self._room = np.zeros((1, n_grid // LANES))
         self._decays = np.exp(-self._h * np.arange(1.0, SLOW_NODES))
@@ -282,7 +299,10 @@ class _ModesOfAllOrders(_RowModes):
         return np.maximum(np.append(grid, rates[-SLOW_NODES:]), SMALLEST), rates.size
 
     def _weighed(self, seen, here):
-        """Return amplitudes of ``c p t**(p-1) / Gamma(p + 1)`` in units of the nearest distance."""
+        """Return fields of `Tables`, with amplitudes of ``c p t**(p-1) / Gamma(p + 1)``.
+
+        The unit of t is the shortest time lag. See `_RowModes._weighed` for the arguments.
+        """
         shape = *self.tables.derivatives.shape, STARTS, self.tables.rows
         if not self.tables.amplitudes.size:
             self.tables = self.tables._replace(
@@ -304,7 +324,10 @@ class _ModesOfAllOrders(_RowModes):
 
 
 class _Modes(OpenHistory):
-    """Modes that absorb pieces, modes of start values that absorb none, and the newest pieces."""
+    """Memory on uniform steps: modes of pieces, modes of start values, and a window of pieces.
+
+    Pieces drive their modes; modes of start values only decay. Weights in the window are exact.
+    """
 
     def __init__(self, tables, arrays, blocks, n_modes, covered, kernel_errors):
         super().__init__(exchange_modes, tables, arrays, *blocks)
@@ -312,7 +335,7 @@ class _Modes(OpenHistory):
         self._covered = covered
 
     def prepare(self, n_end):
-        """Refuse steps beyond those that the exponential sum covers."""
+        """Refuse a march to step `n_end` if the sum of exponentials covers fewer steps."""
         _refuse_beyond(self._covered, n_end)
 
 

@@ -58,32 +58,32 @@ class OpenHistory(ABC):
 
     @abstractmethod
     def prepare(self, n_end: int) -> None:
-        """Allocate storage for a march up to step `n_end`; raise ValueError if that fails."""
+        """Allocate storage for a march up to step `n_end`; raise ValueError if that is too far."""
 
     def reach(self, n: int, pieces: np.ndarray, groups: np.ndarray) -> int:
-        """Compute the tables of step n; return the step up to which the march may continue.
+        """Prepare the tables for step n; return the step up to which they are valid.
 
-        `pieces` (W, B + 1) are those of the block that ended at step n, not yet exchanged, `groups`
-        (W,) the group of each column.
+        `pieces` (W, B + 1) are those of the block that ended at step n, which are not yet stored.
+        `groups` (W,) is the group of each column. By default tables are valid for all steps.
         """
         return n + 2**62
 
     @property
     def nbytes(self):
-        """Bytes of the memory, without its tables."""
+        """Bytes of `arrays`, without tables."""
         return sum(array.nbytes for array in self.arrays)
 
     def clear(self) -> None:
-        """Set the memory to that of a start."""
+        """Set all arrays to 0, as before the first step."""
         for array in self.arrays:
             array[...] = 0.0
 
     def state(self) -> tuple[np.ndarray, ...]:
-        """Return the contents of the memory as a tuple of copies."""
+        """Return copies of the arrays as a tuple, for `restore`."""
         return tuple(array.copy() for array in self.arrays)
 
     def restore(self, state) -> None:
-        """Set the contents of the memory to those that `state` returned."""
+        """Set the arrays to copies of those that `state` returned."""
         self.arrays = Held(*(np.ascontiguousarray(array, dtype=float).copy() for array in state))
 
 
@@ -95,7 +95,7 @@ class NoMemory(OpenHistory):
         super().__init__(*none, block_weights, block_start_weights)
 
     def prepare(self, n_end: int) -> None:
-        """Do nothing: runs of any length need no storage."""
+        """Do nothing: a march of any length needs no storage."""
 
 
 class History(ABC):

@@ -80,7 +80,10 @@ def _exponent(alpha):
 
 
 def _step_share(alpha, rates):
-    """Return the share of a mode in ``t**(alpha-1) - (t-1)**(alpha-1)`` at t = 1."""
+    """Return the contributions of modes to ``t**(alpha-1) - (t-1)**(alpha-1)`` at t = 1.
+
+    They are for unit weights of modes, and include the factor ``alpha (alpha+1)``.
+    """
     if alpha < 1:
         return alpha * (alpha + 1) * np.expm1(-rates)
     return alpha * (alpha + 1) * (alpha - 1) * mean_exponential(rates)
@@ -93,7 +96,7 @@ def _modal_hat(alpha, rates, weights, k):
 
 def _modal_start(alpha, rates, weights, k):
     ramp = first_moment_exponential(rates)
-    # the factor is at most 1, because the share is used from k = 2 on
+    # at k = 0 the result grows like exp(rates); it is used only times decays exp(-rates k), k >= 2
     return _step_share(alpha, rates) * weights * ramp * np.exp(-rates * (k - 1))
 
 
@@ -103,7 +106,10 @@ FIRST_VALUE = WeightRule(start_weights, _exponent, _modal_start)
 
 
 def _plan(system, h, corrections):
-    """Return the plan in integral form."""
+    """Make the plan of the product trapezoidal rule with this number of corrector sweeps.
+
+    0 means an implicit step by Newton's method.
+    """
     weighed, start = (partial(_weighed, h=h, rule=rule) for rule in (HATS, FIRST_VALUE))
     how = {"integral": True, "first_modal": 3, "sweeps": corrections, "slowest": QUICK}
     plan = uniform_plan(system, h, 1.0, weighed, starts=[(start, 0.0)], **how)
@@ -111,7 +117,7 @@ def _plan(system, h, corrections):
 
 
 def _weighed(c, operator, h, rule):
-    """Return the weights of values of f, which are negative on the left side."""
+    """Return the factor, rule and order of a term c D^alpha: weights of f on the left side."""
     return -(h**operator.order) * rgamma(operator.order + 2) / c, rule, operator.order
 
 
@@ -133,7 +139,7 @@ def _region(system, lead, corrections):
         eta = np.abs((1 - 2 ** (2 + above)) * zeta(-1 - above))
         limits = np.where(orders > 1, 1 / (4 * eta * lead), np.inf)
     nothing = np.zeros(0)
-    # memory that f reads changes by the newest increment over lead
+    # memory that f reads changes by 1 / lead times the newest increment
     return StabilityRegion(limits, nothing, nothing, np.pi, gains=1 / lead)
 
 
@@ -201,7 +207,7 @@ class Adams(Scheme):
         return min(2.0, 1 + gains * alpha)
 
     def plan(self, system: System, h: float) -> Plan:
-        """Return tables and convolution for `system` with step h."""
+        """Return the plan of this scheme for `system` with uniform steps h."""
         return _plan(system, h, self.corrections)
 
 
@@ -246,5 +252,5 @@ class ProductTrapezoid(Scheme):
         return 2.0 if smoothness == "smooth" else min(2.0, 1 + alpha)
 
     def plan(self, system: System, h: float) -> Plan:
-        """Return tables and convolution for `system` with step h."""
+        """Return the plan of this scheme for `system` with uniform steps h."""
         return _plan(system, h, 0)

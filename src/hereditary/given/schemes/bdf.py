@@ -19,8 +19,8 @@ from ..plan import Plan, WeightRule
 from ..power_series import series_of_power
 from ..uniform_plan import uniform_plan
 
-# Index k from which on weights are sums of exponentials to 1e-11, for orders 1 to 6. The parasitic
-# roots of delta have decayed there: they are powers k of 0, 1/3, 0.43, 0.56, 0.71, 0.86.
+# First k from which the weights W_k are sums of exponentials up to 1e-11, for p = 1 to 6. Before
+# it the parasitic roots of delta contribute, like 0, 1/3, 0.43, 0.56, 0.71, 0.86 to the power k.
 _FIRST_MODAL = (20, 26, 33, 48, 81, 189)
 # Largest order of an equation, for p = 1 to 6. Up to this order an undamped oscillation stays
 # inside the formula's sector of stability. The order is pi / (pi - theta), where the sector has
@@ -71,7 +71,7 @@ class BDF(Scheme):
     def __init__(self, order: int = 2) -> None:
         if count("order", order) > 6:
             refuse("order", "lie in 1..6", order, "BDF7 is unstable")
-        # a field named order would hide the method `order`
+        # the field is not called `order`, because that is the name of a method
         object.__setattr__(self, "formula", int(order))
 
     def __repr__(self) -> str:
@@ -97,7 +97,7 @@ class BDF(Scheme):
         return float(self.formula)
 
     def plan(self, system: System, h: float) -> Plan:
-        """Return tables and convolution for `system` with step h."""
+        """Return the plan of this scheme for `system` with uniform steps h."""
         p = self.formula
         corrections, drift = _start_corrections(system, h, p), _formed_drift(system, h, p)
         if drift is not None:
@@ -117,7 +117,7 @@ class BDF(Scheme):
 
 
 def weighed_by_power(c, operator, h, rule):
-    """Return the factor, the weight rule and the order of c times an operator."""
+    """Return the factor, rule and order for the term c times an operator, with steps h."""
     return c * h**-operator.order, rule, operator.order
 
 
@@ -153,9 +153,10 @@ def exponent(alpha):
 def _modal(p, alpha, rates, weights, k):
     """Return the contributions to W_k of modes, which are summands of the kernel t**-alpha.
 
-    ``W_k = sin(pi alpha)/pi int exp(-k s) |delta(e**s)|**alpha / (e**s - 1) ds`` over the rates
-    below the first zero of delta(e**s). Rates that have decayed at `_FIRST_MODAL`, to exp(-45) =
-    3e-20, are left out: they would only cancel against the exact first weights.
+    ``W_k = sin(pi alpha)/pi int exp(-k s) |delta(e**s)|**alpha / (e**s - 1) ds`` is an integral of
+    the generating function along its cut. It extends over rates s below the first zero of
+    delta(e**s). Rates that have decayed below exp(-45) = 3e-20 at `_FIRST_MODAL` are left out. They
+    matter for earlier weights only, which are exact anyway.
     """
     shares = np.zeros_like(rates)
     x = -np.expm1(np.minimum(rates, 50.0))  # 1 - e**s
@@ -168,18 +169,20 @@ def _modal(p, alpha, rates, weights, k):
     return shares
 
 
-# Number of first steps whose difference in `drift_defect` is not expanded.
+# Number of first steps in which the error that `drift_defect` describes is computed exactly.
 _N_EARLY = 256
-# Terms of the expansion of this difference in later steps. Its error is 1e-12, in sums of 100.
+# Number of terms in the expansion of this error of `drift_defect`, for later steps. The expansion
+# has an error of 1e-12 in sums of 100.
 _N_LATE = 3
 
 
 def _formed_drift(system, h, p):
     """Return the error of the formula for t y'(0) in terms of order gamma below 1.
 
-    These terms have parts ``t**(1-gamma)``, for which the sums alone have order 2 - gamma. Return
-    the first values (k, d), and the amplitudes and powers of the later error (r, d); None without
-    such terms.
+    The increments leave out t y'(0), whose exact derivative is a multiple of ``t**(1-gamma)``. With
+    it alone the scheme would have order 2 - gamma, so this error is added to it. The results are
+    the first k values of the error (k, d), and amplitudes and powers of its expansion (r, d each).
+    Return None if p is 1 or if no component of order above 1 has such terms.
     """
     above = system.above
     lower = [
@@ -202,7 +205,7 @@ def _formed_drift(system, h, p):
 
 @lru_cache(maxsize=64)
 def drift_defect(p, gamma):
-    """Return the derivative of order gamma of t by the formula minus the exact one, for steps of 1.
+    """Return the formula's derivative of order gamma of t, less the exact one, for steps of 1.
 
     The samples of t with start corrections are ``n + b_n``, b being `start_coefficients`. Their
     generating function is ``delta**-2`` up to ``(1-z)**p``. From them the formula computes
@@ -213,7 +216,7 @@ def drift_defect(p, gamma):
     Returns
     -------
     early : ndarray, shape (_N_EARLY,)
-        The difference at n = 1, 2, .. minus its expansion.
+        The difference at n = 1, 2, .. less its expansion.
     late : ndarray, shape (_N_LATE,)
         Coefficients of the expansion.
     """
@@ -264,9 +267,9 @@ def _real_power(a, exponent):
 def _start_corrections(system, h, p):
     """Return corrections of the right-hand side in the first p - 1 steps, shape (p-1, d).
 
-    They are ``a_n phi(0) + sum_(l=1)^(p-2) b_(l,n) h**l phi^(l)(0)`` with phi(t) = f(t, x(0) + t
-    x'(0)) minus the derivatives of order 1 of t x'(0). Derivatives of phi are differences over the
-    first p values. In phi, memory that f reads is that at 0.
+    The correction in step n is ``a_n phi(0) + sum_(l=1)^(p-2) b_(l,n) h**l phi^(l)(0)``. Here
+    phi(t) = f(t, x(0) + t x'(0)), less terms of order 1 applied to t x'(0). Its derivatives come
+    from finite differences over p values. Memory that f reads has its value at 0 in phi.
     """
     if p == 1:
         return np.zeros((0, system.d))
@@ -289,8 +292,9 @@ def _start_corrections(system, h, p):
 def start_coefficients(p, order):
     """Return the coefficients b_(l,n) of start corrections, n = 1 .. p-1, for l = `order`.
 
-    They satisfy ``delta(z)**(l+1) (sum_n n**l z**n / l! + sum_n b_n z**n) = 1 + O((1-z)**p)``. Then
-    the formula integrates t**l / l! with its full order. In x = 1 - z both sides are polynomials.
+    For l = 0 they are the a_n. The condition is ``delta(z)**(l+1) (sum_n n**l z**n / l! + sum_n b_n
+    z**n) = 1 + O((1-z)**p)``. Then the formula integrates t**l / l! with its full order. In
+    x = 1 - z both sides are polynomials.
     """
     x = np.polynomial.Polynomial([0.0, 1.0])
     z = 1 - x

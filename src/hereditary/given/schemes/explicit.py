@@ -133,14 +133,14 @@ class ExplicitCaputo(Scheme):
         return limits[groups]
 
     def plan(self, system: System, h: float) -> Plan:
-        """Return tables and convolution for `system` with step h."""
+        """Return the plan of this scheme for `system` with uniform steps h."""
         if system.varies:
             return varying_plan(system, h, 1.0, explicit=True)
         second = system.highest_orders() > 1
         speed = h * system.y0[1] if system.m == 2 else 0.0
         starts = [(partial(_start_weights, h=h), np.where(second, speed, 0.0))]
         if any(op.kernel is not None and op.derivative == 0 for op, _ in system.left):
-            # weights of y(0) for terms that act on y itself: no increment contains it
+            # y(0) is a start value if a kernel acts on y itself, because increments omit it
             values = partial(value_weights, h=h, theta=0.0, derivative=0)
             starts.append((values, system.y0[0]))
         return uniform_plan(

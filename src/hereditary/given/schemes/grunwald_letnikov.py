@@ -91,7 +91,7 @@ class GrunwaldLetnikov(Scheme):
 
     @property
     def is_map(self) -> bool:
-        """Whether the steps of the scheme are the equation, a map, and no approximation."""
+        """Whether the steps are the equation itself and not an approximation of it."""
         return self.map
 
     def order(self, alpha: float, smoothness: str = "smooth") -> float:
@@ -143,7 +143,7 @@ class GrunwaldLetnikov(Scheme):
         return np.array(limits)[groups]
 
     def plan(self, system: System, h: float) -> Plan:
-        """Return tables and convolution for `system` with step h."""
+        """Return the plan of this scheme for `system` with uniform steps h."""
         starts: list = [(None, 0.0)]
         if system.m == 2:  # h x'(0) is the second start value: the first one does not act in step 0
             start = np.where(system.highest_orders() > 1, h * system.y0[1], 0.0)
@@ -170,10 +170,10 @@ def _modal(alpha, rates, weights, k):
 
 
 def _speed(alpha, n):
-    """Return the weights of h x'(0): -S_k above order 1, plus W_0 for k = 0.
+    """Return weights of h x'(0): -S_k above order 1, otherwise 0; W_0 = 1 is added for k = 0.
 
-    The march takes h x'(0) as the increment before its first step, and solves for the change of
-    that increment.
+    Explicit steps are solved for the change of the increment, and h x'(0) is the increment before
+    the first step. The added W_0 cancels this increment.
     """
     sums = -_SERIES.exact(alpha - 1, n) if alpha > 1 else np.zeros(n)
     sums[:1] += 1.0

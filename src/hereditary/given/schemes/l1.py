@@ -90,16 +90,17 @@ class L1(Scheme):
         return 2 - alpha if smoothness == "smooth" else 1.0
 
     def plan(self, system: System, h: float) -> Plan:
-        """Return tables and convolution for `system` with step h."""
+        """Return the plan of this scheme for `system` with uniform steps h."""
         theta = 0.5 if system.highest_orders().max() > 1 else 1.0
         if system.varies:
             return varying_plan(system, h, theta, explicit=False)
-        # if a kernel acts on y, its convolution with y'(0) t grows with t, which no decaying mode
-        # follows: then increments include h y'(0), and the differences of velocities begin at it
+        # If a kernel acts on y, its integral over t y'(0) grows with t, so decaying modes cannot
+        # approximate it. Then the increments contain h y'(0), and y'(0) is the first velocity in
+        # the differences of velocities.
         whole = system.m == 2 and _remembers(system, 0)
         starts: list = [(None, 0.0)]
         for derivative in (0, 1):
-            # increments do not contain y(0) and, if they exclude h y'(0), not y'(0) t either
+            # increments omit y(0) and, unless `whole`, t y'(0): both need weights of start values
             lacking = derivative == 0 or (system.m == 2 and not whole)
             if lacking and _remembers(system, derivative):
                 weights = partial(value_weights, h=h, theta=theta, derivative=derivative)
@@ -110,13 +111,16 @@ class L1(Scheme):
         return uniform_plan(system, h, theta, terms, starts=starts, whole=whole)
 
     def mesh_plan(self, system: System, times: np.ndarray) -> Plan:
-        """Return the plan on a mesh; above order 1 velocities are lines between midpoints."""
+        """Return the plan of this scheme on a mesh with steps of any lengths."""
         theta = 0.5 if system.highest_orders().max() > 1 else 1.0
         return mesh_plan(self, system, times, theta, 0)
 
 
 def _speed_weights(c, operator, h):
-    """Return the weights of h y'(0), which is the velocity before the first difference."""
+    """Return weights of h y'(0) in terms with y'', or None for terms with y or y'.
+
+    y'(0) is the first velocity in the differences of velocities.
+    """
     return by_rule(-c, operator, h, FIRST_DIFFERENCES) if operator.derivative == 2 else None
 
 

@@ -65,7 +65,7 @@ class L12(Scheme):
         return 3 - alpha if smoothness == "smooth" or alpha == 1 else 1.0
 
     def plan(self, system: System, h: float) -> Plan:
-        """Return tables and convolution for `system` with step h."""
+        """Return the plan of this scheme for `system` with uniform steps h."""
         weighed, start = (
             partial(by_rule, h=h, rule=r) for r in (BACKWARD_PARABOLAS, BACKWARD_START)
         )

@@ -67,9 +67,9 @@ class L2(Scheme):
         return 3 - alpha if smoothness == "smooth" else 1.0
 
     def plan(self, system: System, h: float) -> Plan:
-        """Return tables and convolution for `system` with step h."""
+        """Return the plan of this scheme for `system` with uniform steps h."""
         return parabola_plan(system, h, 1.0, closing=True)
 
     def mesh_plan(self, system: System, times: np.ndarray) -> Plan:
-        """Return the plan on any mesh, for orders in (0, 1]."""
+        """Return the plan of this scheme on a mesh of any steps, for orders in (0, 1]."""
         return mesh_plan(self, system, times, 1.0, 2)

@@ -73,7 +73,7 @@ class L2Sigma(Scheme):
         return 2.0 if smoothness == "smooth" else 1.0
 
     def reduction(self, system: System) -> System | None:
-        """Return the system with two equations of half the order if the order is in (1, 2]."""
+        """Return an equation of order in (1, 2] as two of half the order; None up to order 1."""
         if system.highest_orders().max() <= 1:
             return None
         distinct, _ = system.distinct
@@ -85,11 +85,11 @@ class L2Sigma(Scheme):
         return reduce_order(system, c, operator.order)
 
     def plan(self, system: System, h: float) -> Plan:
-        """Return tables and convolution for `system` with step h."""
+        """Return the plan of this scheme for `system` with uniform steps h."""
         return parabola_plan(system, h, _sigma(_terms(system), h))
 
     def mesh_plan(self, system: System, times: np.ndarray) -> Plan:
-        """Return the plan on any mesh, for orders in (0, 1]."""
+        """Return the plan of this scheme on a mesh of any steps, for orders in (0, 1]."""
         terms = _terms(system)
         sigma = np.array([_sigma(terms, step) for step in np.diff(times)])
         return mesh_plan(self, system, times, sigma, 1)
@@ -106,7 +106,10 @@ def _terms(system):
 
 
 def _sigma(terms, h):
-    """Return the root sigma of the function in `L2Sigma`, by bisection."""
+    """Return sigma for (coefficient, order) of each term and steps h, by bisection.
+
+    The equation for sigma is in the docstring of `L2Sigma`.
+    """
     if len(terms) == 1:
         return 1 - terms[0][1] / 2
     c, alpha = np.array(terms).T
