@@ -99,7 +99,7 @@ def factorise_newton(m, h, p, jacobians):
     that the solver needs.
     """
     stages, matrices, over_step = m.stages, m.operators.matrices, m.stages.integral
-    integral = m.rule.integrals[m.equations.orders.shape[0] - 1]  # of order 1
+    integral = m.rule.integrals[m.equations.orders.shape[0] - 1]  # integrals of order 1
     few = stages.jacobians.shape[0] > 1
     for kind in range(stages.second.shape[0]):
         put_cube(matrices[kind], stages.matrices[kind])

@@ -200,7 +200,7 @@ class OrbitAndTangents:
         """
         self.last_length, self._singular = length, (variable, values)
         self._last_offsets = self.offsets
-        if np.any(self.power_laws.rates[:1] == 0.0):  # as in collocation/march.py
+        if np.any(self.power_laws.rates[:1] == 0.0):  # see absorb_constant_mode
             d = self.x.shape[1]
             self.initial += self.modes[:, :d, 0]
             self.modes[:, :d, 0] = 0.0

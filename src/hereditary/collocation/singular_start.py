@@ -90,7 +90,7 @@ def _rate(system, form, orbit, jacobian, just_after):
     With many components |J v| / |v| is a better rate, for v = f and v = y'. For a partial
     differential equation with smooth initial data it does not grow as the mesh becomes finer.
     """
-    if not has_stages(form):  # units of components do not enter
+    if not has_stages(form):  # the result is independent of units
         return float(np.sqrt(np.abs(jacobian * jacobian.T)).sum(axis=1).max())
     size, sizes = float(abs(jacobian).max()), np.abs(orbit.x[0])
     if not np.isfinite(size):

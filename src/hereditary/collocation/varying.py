@@ -92,14 +92,14 @@ class OrderTables:
         return VaryingOrders(self.tabulated, self.integrals, self.weights, of_varying)
 
     def fill(self, orbit, origin, limits):
-        """Fill the tables for the requested step; raise `OrderFailed` for a bad order."""
+        """Fill the tables for the requested step; raise `OrderFailed` for an order out of range."""
         t, h = float(self.tabulated["next_start"]), float(self.tabulated["next_length"])
         times = np.empty(self._nodes.size)
         set_times(origin, t, h, self._nodes, limits, times)
         n = orbit.bank.n_modes
         if self.weights.shape[1] != n:
             self.weights = np.zeros((len(self._varying), n, self._nodes.size))
-        a = np.empty((len(self._varying), times.size))  # orders of integration
+        a = np.empty((len(self._varying), times.size))  # orders of integration at the nodes
         for row, order in zip(a, self._varying, strict=True):
             values, trouble = order.sampled(times)
             if trouble:
