@@ -1,8 +1,10 @@
 """Algebraic rows 0 = f(t, y, memory), and consistent values of their unknowns.
 
-The row of a component without a derivative is algebraic. Its unknown is the component itself or, if
-f reads Caputo derivatives of the component, the highest of these. Rows have index 1 if they can be
-solved for their unknowns: the Jacobian with respect to the unknowns is regular.
+An algebraic row is the equation of a component without a derivative. Its unknown is the component
+itself or, if f reads Caputo derivatives of it, the highest of them. The rows have index 1 if they
+can be solved for their unknowns: the Jacobian with respect to the unknowns is regular.
+
+Letters of shapes: k algebraic rows; d arguments of f, the components of y and then memory.
 """
 
 import numpy as np
@@ -12,22 +14,26 @@ from ..stepping.status import SolveWarning
 from ..support.checks import refuse
 from ..support.warning import warn
 
-# Most iterations of Newton's method for consistent initial values.
+# Largest number of Newton iterations for consistent values.
 _SWEEPS = 50
-# Relative change of the unknowns at which these iterations end.
+# Relative change of the unknowns at which Newton's method for consistent values ends.
 _GOAL = 1e-13
-# Least pivot of a regular Jacobian, relative to the largest entry of each row: differences err by
-# 1e-10.
+# Least singular value of a regular Jacobian whose rows are divided by their largest entries.
+# Difference quotients err by 1e-10.
 _RANK = 1e-9
 # Distance from y(0) at which a singular Jacobian is evaluated again, as fraction of the largest
 # argument of f.
 _BESIDE = 0.01
-# Coefficients of a component below this fraction of those of other components count as 0.
+# Ratio of a component's coefficients to the largest of other components, below which they may stand
+# for 0.
 _NEXT_TO_0 = 1e-15
 
 
 def _unknowns(system):
-    """Return the algebraic rows and, among the values that f reads, their unknowns, (k,) each."""
+    """Return the numbers of the algebraic rows and of their unknowns, (k,) each.
+
+    The number of an unknown is its index among the arguments of f: y, then memory.
+    """
     rows = np.flatnonzero(system.algebraic)
     columns, highest = rows.copy(), np.zeros(rows.size)
     for operator, coefficients in system.left:
@@ -39,20 +45,23 @@ def _unknowns(system):
 
 
 def _jacobian(system, t, x, rows):
-    """Return the Jacobian of these rows with respect to all values that f reads, (k, d)."""
+    """Return the given rows of the Jacobian of f at x (d,), as a dense matrix (k, d)."""
     found = system.derivative(t, x)
     return (found if system.structure is None else found.toarray())[rows]
 
 
 def _residual(system, t, x, rows, rtol):
-    """Return f of these rows, and how much errors of x by the tolerance change it, (k,) each."""
+    """Return f in the given rows, and the error of f if x errs by rtol |x|, (k,) each."""
     with np.errstate(all="ignore"):
         noise = rtol * (np.abs(_jacobian(system, t, x, rows)) @ np.abs(x))
     return system.force(t, x)[rows], noise + LEAST
 
 
 def _solve(system, t, x, rows, columns):
-    """Return x (d,), all values that f reads, with solved unknowns; None without convergence."""
+    """Return the arguments of f, x (d,), with unknowns that solve the rows by Newton's method.
+
+    `columns` are the indices of the unknowns in x. Returns None if the method does not converge.
+    """
     x = x.copy()
     for _ in range(_SWEEPS):
         with np.errstate(all="ignore"):
@@ -74,9 +83,9 @@ def _regular(matrix):
 
 
 def check_start(system, rtol, atol):
-    """Refuse algebraic rows that determine no unknown, and initial values that contradict the rows.
+    """Refuse algebraic rows that do not determine their unknowns, or that y(0) contradicts.
 
-    Rows whose coefficients are next to 0 cause a warning if the initial values contradict them.
+    Warn if initial values contradict a row whose coefficients are next to 0.
     """
     if system.d > 1:
         _name_tiny(system, rtol)
@@ -132,7 +141,7 @@ def _name_tiny(system, rtol):
 
 
 def _check_index(system, t, x, rows, columns):
-    """Refuse rows that cannot be solved for their unknowns, neither at the start nor near it."""
+    """Refuse rows that cannot be solved for their unknowns, neither at y(0) nor close to it."""
     random = np.random.default_rng(0)
     for distance in (0.0, _BESIDE):
         moved = distance * (np.abs(x).max() or 1.0) * random.uniform(-1.0, 1.0, x.size)
@@ -148,10 +157,10 @@ def _check_index(system, t, x, rows, columns):
 
 
 def settled(system, t, x):
-    """Return x (d,), all values that f reads, with consistent unknowns of algebraic rows.
+    """Return the arguments of f, x (d,), with consistent unknowns of the algebraic rows.
 
-    If Newton's method does not converge, the values remain as they are, and the next step solves
-    the rows.
+    If Newton's method does not converge, x is returned as it is. The next step then solves for the
+    unknowns.
     """
     found = _solve(system, t, x, *_unknowns(system))
     return x if found is None else found
@@ -160,7 +169,8 @@ def settled(system, t, x):
 def settle_tangents(system, values):
     """Change initial tangents so that they satisfy the linearised algebraic rows.
 
-    Only unknowns that are components are changed, and not derivatives that f reads.
+    `values` (1 + k, m, d) are the initial values of the orbit and of k tangents, changed in place.
+    Nothing is changed if f reads memory, because unknowns may then be derivatives.
     """
     bare = np.flatnonzero(system.algebraic)
     if bare.size == 0 or len(values) == 1 or system.read.any():

@@ -10,8 +10,8 @@ p - p(0) if alpha_j, rounded up, is m as well. If the order alpha - alpha_j exce
 ``J**(alpha - alpha_j - 1)`` of y - y(0) instead.
 
 Terms with general kernels or varying orders are no such integrals; they are subtracted from the
-right-hand side. If they contain the highest derivative, the row of p is *implicit*: p follows from
-the balance of right-hand side and terms. Then p' is an integrand.
+right-hand side. If they contain the highest derivative, the row of p is *implicit*. Then p follows
+from the balance of right-hand side and terms, and p' is an integrand.
 """
 
 from collections import Counter
@@ -30,12 +30,13 @@ from ..support.checks import refuse
 from .operators import FORCE, ITSELF, POSITION, PRIMARY, SLOPE
 from .structures import ALGEBRAIC, TERM
 
-# Smallest order of integration. Smaller powers of two step lengths are equal in double precision.
+# Smallest order of integration. For smaller orders a, the powers h**a of two step lengths h are
+# equal in double precision.
 _LEAST = 5e-10
-# Generators of exponents whose distance is below this count as one. So do a generator and a sum of
-# others.
+# Distance below which two exponents of t count as one: two generators, or a generator and a sum of
+# other generators.
 _APART = 1e-9
-# Most generators in a sum that is compared with another generator.
+# Largest number of generators in a sum that may equal another generator.
 _MOST_IN_SUM = 4
 
 
@@ -85,7 +86,7 @@ class Form:
 
     @cached_property
     def groups(self) -> list["Group"]:
-        """Return the convolution terms in groups, whose terms differ by their rows alone.
+        """The convolution terms in groups; terms of one group differ by their rows alone.
 
         Each row occurs at most once in a group.
         """
@@ -99,10 +100,10 @@ class Form:
 
     @cached_property
     def n_rows(self) -> int:
-        """Number of rows of sums that a step computes: d, or 2 d.
+        """Number of rows, sums of convolution terms: d, or 2 d for d components.
 
-        Each of the d components has a row. If terms act on the right-hand side of their component
-        instead of on its unknown, each component has a second row, for these.
+        It is 2 d if terms are subtracted from the right-hand side of any component, or if any
+        component has no terms.
         """
         d = self.second.size
         subtracted = bool((self.terms["row"] >= d).any()) or bool(self.algebraic.any())
@@ -110,12 +111,12 @@ class Form:
 
     @property
     def algebraic(self) -> np.ndarray:
-        """Whether each component has no term, so that its row is 0 = f, (d,)."""
+        """True for components without terms, whose equation is 0 = f; shape (d,)."""
         return self.implicit == ALGEBRAIC
 
     @cached_property
     def kinds(self) -> np.ndarray:
-        """Number of the kind of each component, (d,); those of one kind have the same terms."""
+        """Number of each component's kind, (d,); components of one kind have the same terms."""
         d = self.second.size
         terms: list[list] = [[] for _ in range(d)]
         for row, *term in self.listed:
@@ -143,17 +144,17 @@ class Form:
 
     @property
     def begins_graded(self) -> bool:
-        """Whether a run begins with tiny ordinary steps, because no variable resolves its start."""
+        """Whether a run begins with tiny steps: no change of variable smooths its start."""
         return bool(self.varying) or self.solves_slopes
 
     @property
     def solves_slopes(self) -> bool:
-        """Whether some p' is found from the balance of right-hand side and terms."""
+        """Whether any component has p' as an integrand and an implicit row."""
         d, slopes = self.second.size, self.terms["integrand"] == SLOPE
         return bool(self.implicit[self.terms["row"][slopes] % d].any())
 
     def start_exponent(self, t: float = 0.0) -> float:
-        """Return the smallest exponent of the elapsed time in p, after a start at t."""
+        """Return the smallest exponent e if p changes like (time - t)**e after a start at t."""
         d, found = self.second.size, []
         for c in range(d):
             integrand = SLOPE if self.implicit[c] else FORCE
@@ -176,7 +177,10 @@ class Form:
         return max(least, left * min(1e-2, atol ** (1 / self.start_exponent(t))))
 
     def _start_power(self, k, integrand, t):
-        """Return the exponent of the elapsed time with which one term alone changes p after t."""
+        """Return the exponent of time with which one term alone changes p after t.
+
+        k is the index of the term's order or kernel.
+        """
         n_a, n_k = self.orders.size, len(self.kernels)
         if k < n_a:
             return self.orders[k] if integrand == FORCE else 1 - self.orders[k]
@@ -193,8 +197,8 @@ class Form:
 class Group(NamedTuple):
     """Convolution terms of a `Form` that differ by their rows alone.
 
-    The integrand, the index of the order or kernel, and the coefficient are as in `Form`. `rows`
-    and the numbers of the terms have the shape (n,).
+    `integrand`, `coefficient` and `place`, the index of the order or kernel, hold for all n terms.
+    `rows` (n,) has the row of each term, `numbers` (n,) its index in `Form.terms`.
     """
 
     integrand: int
@@ -229,14 +233,17 @@ def integral_form(system: System) -> Form:
 
 @lru_cache(maxsize=256)
 def _kept_form(left, m):
-    """Return the integral equations of few components with constant orders, from a cache."""
+    """Return the integral equations of few components with constant orders, cached between runs.
+
+    `left` has pairs of an operator and its coefficients; m is the largest derivative in a term.
+    """
     terms = [SystemTerm(operator, np.array(coefficients)) for operator, coefficients in left]
     y0 = np.zeros((m, terms[0].coefficients.size))
     return _form_of(System(terms, y0, np.zeros(0)))
 
 
 def _form_of(system):
-    """Derive the integral equations of a system."""
+    """Return the integral equations of a system, without a cache."""
     highest = system.highest_orders()
     leading, second = system.coefficient(highest), highest > 1
     balanced = [_is_implicit(system, c, highest[c]) for c in range(system.d)]
@@ -266,7 +273,7 @@ def _form_of(system):
     varying = list(dict.fromkeys(op for op in others if op.kernel is None))
     places: list = [*orders, *kernels, *varying]
     listed = [(row.row, row.integrand, _place(row, places), row.coefficient) for row in rows]
-    # y(0), if it is integrated, is a power with exponent 0 instead of 1
+    # an integral of y - y(0) raises exponents by one more: y - y(0) begins with the exponent 1
     raised = [row.integrand == POSITION and row.offset > 0 for row in rows]
     powers = zip(rows, raised, strict=True)
     increments = [row.order + one for row, one in powers if row.order is not None]
@@ -286,7 +293,10 @@ def _form_of(system):
 
 
 def _from_zero(rows, d):
-    """Return integrand and component of each Riemann-Liouville term with a varying order."""
+    """Return integrand and component of each Riemann-Liouville term with a varying order.
+
+    Refuse a component that mixes them with Caputo terms of varying order.
+    """
     found: dict[tuple[int, int], list] = {}
     for row in rows:
         if row.operator is not None and row.operator.varies:
@@ -300,7 +310,7 @@ def _from_zero(rows, d):
 
 
 def _is_implicit(system, c, highest):
-    """Return whether the highest derivative of c is no Caputo derivative of constant order."""
+    """Return whether no Caputo term of constant order has the highest order of component c."""
     return not any(
         operator.constant and operator.order == highest and coefficients[c] != 0
         for operator, coefficients in system.left
@@ -308,7 +318,7 @@ def _is_implicit(system, c, highest):
 
 
 def _place(row, places):
-    """Return the index of the order or kernel of a row."""
+    """Return the index of a term's order or kernel in `places`, -1 for the integrand itself."""
     if row.operator is not None:
         return places.index(row.operator.kernel or row.operator)
     return ITSELF if row.order is None else places.index(row.order)

@@ -18,53 +18,55 @@ from .newton import forces, nodal_slopes, residuals, solve_newton
 from .operators import FORCE, POSITION, PRIMARY, SLOPE, subtract_from_forces
 from .structures import ALGEBRAIC
 
-# Least relative tolerance of tangents. Tangents that have decayed consist of rounding errors, which
-# grow when tangents are normalised.
+# Smallest relative tolerance of tangents. Decayed tangents consist of rounding errors, which grow
+# when tangents are normalised.
 _TANGENT = 1e-9
 # Least size of a derivative by a parameter p, as fraction of y / p. Difference quotients of f have
 # errors of 1e-10 of f / p, which may exceed the tolerance of a small derivative.
 _OF_QUOTIENT = 0.1
-# Rounding error of the unknown p, as a fraction of p(0).
+# Rounding error of p, as a fraction of p(0).
 _ROUNDING = 1e-14
-# If the unknown p is y': rounding error of sums over a step, as a fraction of y.
+# Rounding error of integrals of y over a step, as a fraction of y, where p is y'.
 ROUNDING_OF_SUMS = 1e-15
-# Largest ratio of consecutive Legendre coefficients that enters the estimate if rounding hides
-# both.
+# Largest decay from one Legendre coefficient to the next that is assumed if rounding hides both.
 _HIDDEN = 0.03
-# Fraction of the defect of f between the nodes that enters the error, as if f jumped. For a smooth
-# f the integrals are more accurate, and the tail of the polynomial of f estimates the error.
+# Fraction of the defect of f between the nodes that enters the error, for an f that jumps. For a
+# smooth f the last Legendre coefficients estimate the error, because the integrals are more
+# accurate than f.
 _DEFECT_WEIGHT = 0.3
-# Rounding error of f, as a fraction of |J| |y|, with its growth by the polynomial.
+# Rounding error of f as fraction of |J| |y|, where J is the Jacobian. It includes the growth of the
+# error by interpolation.
 _NOISE = 2e-14
 # Change of p by the defect of f, in units of Newton's goal, above which the equations are evaluated
 # again at the nodes.
 _CHECK_BEYOND = 100.0
-# Residual from which this check rejects the step, in units of Newton's goal.
+# Change of p that Newton's method requires after this second evaluation of the equations, in units
+# of Newton's goal. Above it the step is rejected.
 _UNSOLVED = 10.0
-# Index of the first check point whose defect does not enter the error of the step.
+# Index of the first check point of a step that does not enter the step's error.
 FIRST_LOOK = 2
-# Most check points of a run that do not enter errors.
+# Largest number of check points in a run that do not enter the error of their step.
 _LOOKS = 256
-# A defect of f at such a check point is a miss only above this multiple of the defects at the other
-# check points.
+# Ratio of the defect of f at a check point that does not enter the error to the defect at the check
+# points that do. Only above it the steps may have missed a force.
 _UNLIKE = 30.0
-# A defect is a miss only if it also changes p over the step by more than this, in units of Newton's
-# goal. One tolerance is 1,000 of these units.
+# Change of p over the step by such a defect, in units of Newton's goal. Only above it the steps may
+# have missed a force. One tolerance is 1,000 of these units.
 _MOVED = 1000.0
-# Number of tolerances by which the polynomial may differ from the solution at the start of the
-# step. In stiff systems rounding causes such differences.
+# Distance of the step's polynomial from y at the start, in tolerances, above which f at the start
+# enters the defect. Stiff systems miss the start by rounding.
 _MISSED = 10.0
-# Largest error of a step, in tolerances of y at the start of the step: y may grow by decades in a
-# first step. Without this limit, orders 0.0158 and 1 - 1e-8 err by 1.8 tolerances at early times.
+# Largest error of a step, in tolerances of y at its start. In a first step y may grow by decades.
+# Without this limit, orders 0.0158 and 1 - 1e-8 err by 1.8 tolerances at early times.
 _AT_START = 5.0
-# Rounding error of y over a step, as a fraction of the largest |y| of the step.
+# Rounding error of y, as a fraction of the largest y of a step.
 _ROUNDING_OF_STEP = 1e-13
-# Change of y over the run that errors of y' may cause, in units of the tolerance of y relative to
-# its size.
+# Change of y over the run that the allowed error of y' may cause, in units of the tolerance of y
+# relative to its size.
 OF_SPEED = 4.0
-# Least size of a component, as a fraction of the largest size of all components of y (or of y').
-# With 1e-5 a component of 1e-8 of the largest errs by 1.1 tolerances instead of 0.02 (six problems
-# in random units).
+# Least size of a component, as fraction of the largest component of the same quantity. With 1e-5 a
+# component of 1e-8 of the largest errs by 1.1 tolerances instead of 0.02 (six problems in random
+# units).
 SMALL = 1e-6
 
 
@@ -121,11 +123,11 @@ def estimate_error(m, h, local, values, p0, errors):
 
 @inner
 def solve_for_error(m):
-    """Solve for the error caused by a defect at all nodes, (d s,); both are in the workspace.
+    """Solve for the error of p that a residual at all nodes causes, `m.room.change` (d s,).
 
-    In units of Newton's goal, the largest error is at most the largest defect, because a nearly
-    singular matrix would amplify rounding errors. This bound does not hold for algebraic rows,
-    whose defects are those of f.
+    The residual is `m.room.residual` (d s,). In units of Newton's goal, the largest error is at
+    most the largest residual, because a nearly singular matrix would amplify rounding errors. There
+    is no limit if an algebraic row has a residual, which has the unit of f and not of p.
     """
     solve_newton(m)
     defect, nodal_errors = m.room.residual, m.room.change
@@ -144,11 +146,12 @@ def solve_for_error(m):
 
 @inner
 def measure_force_defect(m, h):
-    """Set the defect: the largest difference of f and its polynomial between the nodes.
+    """Set `m.room.defect` (d,) to the largest difference of f and its polynomial off the nodes.
 
-    Jumps of f, and forces that act between the nodes, show only there. Both f and y are polynomials
-    through their values at the nodes, so a linear f has no defect. If the polynomial of y misses
-    the start by far more than the tolerance, the difference at the start counts as well.
+    Only off the nodes one sees that f jumps, or that it acts between the nodes. The argument y of f
+    is the polynomial of the solution through the same nodes, so a linear f has no defect. The first
+    check point is the start of the step. If the polynomial misses y there by far more than the
+    tolerance, f at the true y enters the defect too.
     """
     # x_start (d,): y at the start of the step; p0 (d,): p(0)
     x_start, p0, point, sizes = m.orbit.x[0], m.orbit.initial[0], m.room.point, m.room.sizes
@@ -167,8 +170,8 @@ def measure_force_defect(m, h):
 
 @inner
 def set_point(m, h, i):
-    """Set `point` (d,) of the workspace to y at check point i, by the polynomials of the step."""
-    # primary (d, s)
+    """Set `m.room.point` (d,) to y at check point i, by the step's polynomial of p."""
+    # primary (d, s): p at the nodes
     second, x_start, primary = m.equations.second, m.orbit.x[0], m.room.values[0, PRIMARY]
     check_values, check_integrals, point = m.rule.check_values, m.rule.check_integrals, m.room.point
     for c in range(second.shape[0]):
@@ -187,9 +190,9 @@ def set_point(m, h, i):
 def look_once_more(m, h):
     """Return a time of the step at which f differs from its polynomial through the nodes, or 0.
 
-    Forces that act for a short time may lie between the nodes of long steps. The check points are
-    spread over the run: one in each of many equal intervals. A step has at most as many as it has
-    nodes.
+    Forces that act for a short time may lie between the nodes of long steps. The run is divided
+    into `_LOOKS` equal intervals. The function evaluates f at one check point in each interval at
+    most, and at s check points in one step at most.
     """
     room, kinds, sums, check_values = (
         m.room,
@@ -222,7 +225,10 @@ def look_once_more(m, h):
 
 @inner
 def update_force_defect(m, i, point):
-    """Raise the defect (d,) to the difference of f and its polynomial at check point i."""
+    """Raise `m.room.defect` (d,) to the difference of f and its polynomial at check point i.
+
+    The argument of f is `point` (d,).
+    """
     force, force_defect, forces = m.room.force, m.room.defect, m.room.values[0, FORCE]
     check_values = m.rule.check_values[i]
     m.right.user.rhs(m.room.check_times[i], point, force, m.right.user.params)
@@ -236,7 +242,7 @@ def update_force_defect(m, i, point):
 
 @inner
 def largest_of(values, first, many):
-    """Return the largest absolute value of `many` values from `first` on, NaN if one is NaN."""
+    """Return the largest of `many` absolute values from index `first` on; NaN if one is NaN."""
     largest = 0.0
     for i in range(first, first + many):
         if not abs(values[i]) <= largest:
@@ -265,9 +271,10 @@ def defect_matters(m):
 
 @inner
 def equations_hold(m):
-    """Evaluate f again, and return whether p at the nodes still satisfies the equations.
+    """Evaluate f at the nodes again; return whether p there satisfies the equations.
 
-    A Jacobian by differences across a jump makes any equation look stiff, and solved.
+    Difference quotients across a jump of f give a huge Jacobian. With it Newton's method makes
+    small changes, and seems to have converged.
     """
     room, p, x = m.room, m.room.values[0, PRIMARY], m.room.values[0, POSITION]
     f, goal, change = room.before, room.goal, room.change
@@ -308,13 +315,14 @@ def add_force_defect(m):
 
 @inner
 def legendre_tail(legendre, values, rounding):
-    """Return the last Legendre coefficient, and its ratio to the coefficient before, 0 to 1.
+    """Return the last Legendre coefficient of a polynomial, and the decay to the next coefficient.
 
-    One coefficient may be small by chance, and collocation makes the last one small. So the ratio
-    comes from the larger coefficients of two pairs, and the last coefficient is at least this ratio
-    times the one before. Below `rounding`, the rounding error of the values, the ratio is unknown
-    and taken as small. If all coefficients were equal, steps would be rejected although no shorter
-    step is better.
+    `values` (s,) are those of the polynomial at the nodes. The decay is a ratio in [0, 1]. A single
+    coefficient may be small by chance, and collocation makes the last one small. So the decay
+    compares the larger one of the last two coefficients with the larger one of the two before. The
+    last coefficient is at least the one before it times the decay. If the last one is within the
+    error `rounding` of the values, the decay is unknown and limited to a small one. Otherwise steps
+    would be rejected that no shorter step improves.
     """
     s = values.shape[0]
     last, before, earlier, decay = 0.0, 0.0, 0.0, 1.0
@@ -338,10 +346,11 @@ def legendre_tail(legendre, values, rounding):
 
 @inner
 def tangent_error_ratio(m, h, slot):
-    """Return the largest ratio of the error of a tangent to its tolerance, relative to its size.
+    """Return the largest ratio of a tangent's error to its tolerance, over all tangents.
 
-    Sizes and errors are the largest among the components, in units of each component. The size of a
-    derivative by a parameter is at least a fraction of the unit over the parameter.
+    The tolerance is relative to the tangent's size. Size and error are the largest among the
+    components, each divided by the component's unit. The derivative by a parameter p has at least
+    the size ``_OF_QUOTIENT / |p|``.
     """
     values, p0, errors, units = m.room.values, m.orbit.initial, m.room.errors, m.room.units
     worst, rtol = 0.0, max(m.limits.rtol, _TANGENT)
@@ -365,9 +374,10 @@ def tangent_error_ratio(m, h, slot):
 
 @inner
 def raise_small(quantities, fraction, sizes):
-    """Raise sizes (d,) to a fraction of the largest size among components of y, or of y'.
+    """Raise the sizes of components, (d,), to a fraction of the largest size of their quantity.
 
-    Return whether all sizes of y, or all of y', are 0.
+    `quantities` (d,) has the number of each component's quantity. Returns whether a quantity has
+    sizes of 0 only.
     """
     number, begins, more = 0, False, True
     while more:
@@ -392,11 +402,11 @@ def raise_small_once(quantities, fraction, sizes):
 
 @inner
 def allowed_error(c, value, size, is_speed, end, limits):
-    """Return the tolerance of y_c, or of y_c', of an absolute value `value` and this size.
+    """Return the tolerance of component y_c, or of y_c' if `is_speed` is 1.
 
-    An error of y' moves y over a whole time. So the tolerance of y' has a relative part, and that
-    of y divided by a time. This is the length of the run, or `end` [time] for an absolute
-    tolerance.
+    `value` is |y_c| or |y_c'|, and `size` is the size of y_c. The relative tolerance of y' is that
+    of y. The other parts are those of y divided by a time, over which the error of y' moves y. This
+    time is the length of the run, or `end` [time] for the absolute tolerance.
     """
     if is_speed == 1:
         least = limits.atol[c] / max(1.0, end) + OF_SPEED * limits.by_size * size / limits.t_end
@@ -406,10 +416,11 @@ def allowed_error(c, value, size, is_speed, end, limits):
 
 @inner
 def error_ratio(m, h):
-    """Return the largest ratio of an error to its tolerance, over y and, if it is unknown, y'.
+    """Return the largest ratio of a step's error to its tolerance, over all components.
 
-    p is p(0) plus terms of the same size. So its error is at least the rounding of p(0), and at
-    least Newton's goal.
+    It covers y, and y' where y' is the primary unknown p. The tolerance of p is at least the
+    rounding error of p(0), because p is a difference of p(0) and terms of the same size. It is at
+    least Newton's goal as well.
     """
     limits, errors, second, values = m.limits, m.room.errors, m.equations.second, m.room.values[0]
     sizes, goal, p0, largest = m.room.sizes, m.room.goal, m.orbit.initial[0], m.state.largest
@@ -440,8 +451,8 @@ def error_ratio(m, h):
 def orbit_error(m, h, slot):
     """Estimate the error of a solved step of the orbit; return its ratio to the tolerance.
 
-    Return the ratio of error to tolerance, and whether only the defect of f between the nodes makes
-    it exceed 1.
+    Also returns whether the ratio exceeds 1 for the defect of f between the nodes alone. In
+    `m.room.values` f becomes f minus the terms of rows d + c, and p' is set if needed.
     """
     room, values, counts, start = m.room, m.room.values, m.state.counts, m.orbit.initial[0]
     measure_force_defect(m, h)

@@ -20,21 +20,23 @@ from ..kernels.kernel_fits import RATIO_OF_VALUES
 from ..kernels.memory_kernel import NO_ERRORS, ExponentialSum, KernelErrors
 from ..support.checks import complaint
 
-# General kernels are fitted down to this fraction of the closest distance, for a tolerance of 1.
-# The part of a kernel at shorter distances is a point mass, whose error is of second order in that
-# distance. Bounded kernels are fitted only from where they change.
+# Smallest distance of the fit of a general kernel, as fraction of the closest distance that steps
+# evaluate, for a tolerance of 1. At smaller distances the kernel is a point mass, whose error is of
+# second order in the distance. A bounded kernel is fitted only from the distance where it changes.
 _BELOW = 0.1
-# Least fraction of the closest distance down to which general kernels are fitted.
+# Least value of that fraction, the smallest distance of a fit over the closest distance of steps,
+# for any tolerance.
 _LEAST_BELOW = 1e-9
-# Modes whose rate times the first distance exceeds this have decayed there. They become part of the
-# point mass, because a fit hardly determines their weights.
+# Rate times smallest distance above which a mode of a general kernel has decayed. Kernels are
+# fitted from a distance this many times smaller. Decayed modes become part of the point mass,
+# because the fit hardly determines their weights.
 _DECAYED = 35.0
-# Power laws with exponents below this are nearly constant. They are fitted to a tolerance of their
-# variation, because an oscillation that hardly decays accumulates errors of the fit.
+# Exponent below which a power law is nearly constant. It is then fitted to a tolerance relative to
+# its variation, because an oscillation that hardly decays accumulates the errors of the fit.
 _VARYING = 0.05
-# Least tolerance of the variation of a nearly constant power law.
+# Least tolerance of the fit of a nearly constant power law.
 _LEAST_TOL = 1e-17
-# Relative rounding error of sums of exponentials.
+# Relative rounding error of a sum of exponentials.
 _ROUNDING = 2e-14
 
 
@@ -49,7 +51,7 @@ class GridBasis:
     tol : float
         Relative error of the sums [-].
     rates : ndarray, shape (M,)
-        Ascending [1/time]; a few slow rates outside the grid come first.
+        Ascending [1/time], except a few that do not belong to the grid and come first.
     spacing : float
         Spacing of the grid in log(rate), infinite if all kernels are constant.
     """
@@ -61,7 +63,10 @@ class GridBasis:
     spacing: float
 
     def refine(self, closest: float):
-        """Return a basis that holds down to `closest`; its first rates are the present ones."""
+        """Return a basis that is accurate from the distance `closest` on.
+
+        Its first rates are the rates of this basis.
+        """
         if np.isfinite(self.spacing):
             n_added = math.ceil(math.log(self.closest / closest) / self.spacing)
             closest = self.closest / math.exp(self.spacing * n_added)
@@ -136,7 +141,8 @@ class KernelBasis:
     sums : tuple of ExponentialSum
         One for each kernel.
     masses : ndarray, shape (n,)
-        Integral of each kernel over smaller distances minus that of the sum: a point mass at 0.
+        Integral of each kernel over the smaller distances, minus that of its sum. It is the weight
+        of a point mass at distance 0.
     farthest : float
         Distance up to which all sums are accurate [time].
     errors : KernelErrors
@@ -189,7 +195,10 @@ def _constant_until(kernel, closest, tol):
 
 @lru_cache(maxsize=64)
 def _fit(kernel, t_min, t_max, tol):
-    """Fit a kernel to `tol`, or to the smallest error that can be reached."""
+    """Return the sum of exponentials of a kernel from t_min to t_max, with error `tol` if possible.
+
+    Modes that have decayed at t_min are left out.
+    """
     try:
         fit = kernel.closest_fit(t_min / _DECAYED, t_max, max(1e-13, tol))
     except ValueError as error:

@@ -20,17 +20,18 @@ from scipy.special import rgamma
 from .quadrature import check_points_of, legendre_values, radau_nodes, to_legendre
 from .structures import Rule
 
-# Width next to 1 that the graded rule leaves out. There kernels are integrated in closed form.
+# Width of the interval next to a singular end of [0, 1] that the graded rule leaves out. Kernels
+# are integrated over it in closed form.
 LEFT_OUT = 0.25**26 / 2
 # Exponent from which a power of u is approximated as well as an integer power. Its Legendre
 # coefficients decrease like n**(-2 power - 1).
 _HIGH = 5.3
-# Exponents whose distance from an integer is below this count as integers.
+# Distance from an integer within which an exponent counts as this integer.
 _APART = 1e-9
-# Number of nodes of a first step.
+# Number of nodes of a first step with c = 0.
 _NODES = 24
-# Number of nodes of a first step in a variable with c > 0, in which solutions of several rates have
-# the same c.
+# Number of nodes of a first step with c > 0. It is larger because solutions with several decay
+# rates share one c.
 _NODES_IF_BENT = 48
 # Smallest time lag at which kernels are evaluated.
 _NEXT_TO_0 = 1e-300
@@ -74,12 +75,12 @@ class Variable(NamedTuple):
 
 
 def _is_smooth(exponent):
-    """Return whether a power of u with this exponent is as good as a polynomial."""
+    """Return whether polynomials approximate u to this power well."""
     return exponent >= _HIGH or abs(exponent - round(exponent)) < _APART
 
 
 def functions(variable, logs):
-    """Return the node functions at log(t) (k,), each 1 at one node and 0 at the others; (k, n)."""
+    """Return the n Lagrange polynomials in u at k times with logarithms `logs` (k,), (k, n)."""
     return _legendre(variable, logs).T @ to_legendre(variable.n)
 
 
@@ -106,10 +107,14 @@ def first_rule(variable, orders):
 
 
 def means(variable, orders, logs):
-    """Return ``J**a / t**a`` of the node functions at log(t), finite for all t; (n_a, k, n)."""
+    """Return ``J**a l_j / t**a`` at k times with logarithms `logs`, shape (n_a, k, n).
+
+    l_j are the n Lagrange polynomials in u, and a is one of n_a orders. The values are finite for
+    all t.
+    """
     points, v, rule = graded_rule()
     a = np.array(orders)[:, None]
-    # the last weight is the integral over the width that the rule leaves out
+    # over the width that the rule leaves out, the kernel is integrated in closed form
     weights = rgamma(a) * np.hstack([rule * v ** (a - 1), LEFT_OUT**a / a])
     points = np.append(np.log(points), 0.0)
     if variable.c == 0.0:  # u of a product of times is a product: one rule on the nodes suffices
@@ -137,14 +142,14 @@ def convolutions(variable, kernel, h):
     distances = np.maximum(np.multiply.outer(ends, v), _NEXT_TO_0)
     kernels = kernel(distances) * weights * ends[:, None]
     values = _legendre(variable, np.add.outer(logs, np.log(points)))
-    # integral over the width that the rule leaves out
+    # the integral of the kernel over the width that the rule leaves out
     rest = kernel.integral(np.maximum(ends * LEFT_OUT, _NEXT_TO_0))
     return np.einsum("ip,jip->ij", kernels, values) @ to_legendre(variable.n) + np.diag(rest)
 
 
 @lru_cache(maxsize=16)
 def at_rule(variable):
-    """Return the node functions at points of the graded rule, (k, n)."""
+    """Return the n Lagrange polynomials in u at the k points of `graded_rule`, (k, n)."""
     return functions(variable, np.log(graded_rule()[0]))
 
 

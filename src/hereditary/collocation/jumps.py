@@ -10,11 +10,11 @@ import numpy as np
 
 from .operators import ITSELF, PRIMARY, SLOPE
 
-# Distance that stands for 0 where the value of a kernel at 0 is computed.
+# Time lag at which a bounded kernel K is evaluated in place of K(0).
 _NEXT_TO_0 = 1e-300
-# Most iterations of Newton's method behind a jump.
+# Largest number of Newton iterations for a jump of p.
 _SWEEPS = 100
-# Relative change of p at which these iterations end.
+# Relative change of p at which Newton's method for a jump ends.
 _GOAL = 1e-14
 
 
@@ -47,7 +47,10 @@ def jump(system, form, orbit, t, counts):
 
 
 def _forces(system, t, x, counts):
-    """Return f and its derivatives along tangents, (1 + k, d), and the Jacobian; x (1 + k, d)."""
+    """Return f for the orbit and its linearisation for k tangents, (1 + k, d), and the Jacobian.
+
+    x (1 + k, d) is y of the orbit and of its tangents.
+    """
     force, jacobian = system.force(t, x[0]), system.derivative(t, x[0])
     jacobian = jacobian if system.structure is None else jacobian.toarray()
     counts["rhs"] += 1

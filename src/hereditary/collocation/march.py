@@ -1,9 +1,9 @@
 """March of collocation steps whose lengths keep the tolerance.
 
-Letters of shapes: d components, R rows of the equations, s nodes, M modes, n_q integrands (f, p, y
-and perhaps p'), k tangents. Row c < d is p of component c, row d + c the terms subtracted from its
-f. The primary unknown p is y, or y' for orders above 1. `m` is an `AdaptiveWork`, `m.room` its
-workspace.
+Letters of shapes: d components, R rows of the equations, s nodes, M modes, k tangents. There are
+n_q integrands: f, p and y, and p' if needed. Row c < d is p of component c, row d + c the terms
+subtracted from its f. The primary unknown p is y, or y' for orders above 1. `m` is an
+`AdaptiveWork`, `m.room` its workspace.
 """
 
 import numpy as np
@@ -52,21 +52,22 @@ from .structures import (
     Limits,
 )
 
-# Largest error of Newton's method, in tolerances.
+# Error of p that Newton's method may leave (its goal), as fraction of the error that a step may
+# make.
 _NEWTON = 0.01
-# Least allowed error of a small component, as a fraction of the largest size of all components of y
-# (or of y'): differences of equal components are rounding of that size. With a tenth of it, runs at
-# rtol 1e-8 take up to three times the steps if such a difference drives other components.
+# Least goal of Newton's method for a small component, as fraction of the largest component of its
+# quantity. A small component may be the difference of equal ones, rounding of this size. With a
+# tenth, runs at rtol 1e-8 take up to three times the steps if such a difference drives others.
 _OF_OTHERS = 3e-15
 
 
 @inner
 def attempt(march, t, h, slot):
-    """Solve a step from t of length h for f, p and y at the nodes, `values` of the workspace.
+    """Solve a step of length h from t: f, p and y at the nodes, stored in `m.room.values`.
 
-    Return the ratio of the error to the tolerance, and whether the equations were solved. The third
-    value is whether only the defect of f makes the error too large. `slot` is that of the tables
-    for h.
+    `slot` is the index of the tables for h. Returns the ratio of the error to the tolerance, and
+    whether Newton's method converged. The third result is whether the ratio exceeds 1 only for the
+    defect of f between the nodes.
     """
     m = march.work
     orbit, state, room, equations, limits = m.orbit, m.state, m.room, m.equations, m.limits
@@ -105,7 +106,11 @@ def attempt(march, t, h, slot):
 
 @inner
 def set_times(origin, t, h, nodes, limits, times):
-    """Set the times of the nodes, strictly between origin and stop, because f may jump there."""
+    """Set the times of the nodes; they stay between `limits.earliest` and `limits.latest`.
+
+    These lie strictly inside the interval between origin and stop, where f may jump. The time t is
+    counted from the origin.
+    """
     for i in range(nodes.shape[0]):
         time = min(origin + (t + h * nodes[i]), limits.latest)
         times[i] = max(time, limits.earliest)
@@ -113,9 +118,9 @@ def set_times(origin, t, h, nodes, limits, times):
 
 @inner
 def set_known_part(m):
-    """Add initial values and offsets to the history of every row, which is known before the step.
+    """Add initial values and offsets to the history in `m.room.base` (1 + k, R, s).
 
-    The array has the shape (1 + k, R, s).
+    The result is the known part of each row: all that does not depend on the solution of this step.
     """
     initial, p, kinds, base = m.orbit.initial, m.orbit.p, m.equations.kinds, m.room.base
     constant, start_weights = m.operators.constant, m.operators.start_weights
@@ -133,16 +138,18 @@ def set_known_part(m):
 
 @inner
 def set_starts(orbit, second, starts):
-    """Set `starts` (d,) to |p(0)| of the components whose p is y."""
+    """Set `starts` (d,) to |p(0)| for components with p = y, to 0 for others."""
     for c in range(starts.shape[0]):
         starts[c] = abs(orbit.initial[0, c]) if second[c] == 0 else 0.0
 
 
 @inner
 def set_units(equations, sizes, x, limits, out):
-    """Set the units of difference quotients, (d,): sizes, or what `atol` implies without sizes.
+    """Set the units of components, (d,), for the increments of difference quotients of f.
 
-    Units are at most the present |y|, if this exceeds the start. A unit next to 0 becomes 1.
+    A unit is at least the size of the component or, if an absolute tolerance is given, atol / rtol.
+    It is also at least `equations.units`. With an absolute tolerance, these units count only up to
+    the largest present |y| of the quantity. Units next to 0 are replaced by 1.
     """
     by_size, atol, units = limits.by_size > 0.0, limits.atol, equations.units
     for c in range(out.shape[0]):
@@ -163,7 +170,7 @@ def set_units_once(equations, sizes, x, limits, out):
 
 @inner
 def raise_sizes(values, sizes):
-    """Raise the sizes of y, (d,), to the largest |y| at the nodes; values (n_q, d, s)."""
+    """Raise `sizes` (d,) to the largest |y| at the nodes; values (n_q, d, s) has y in it."""
     for c in range(sizes.shape[0]):
         for i in range(values.shape[2]):
             size = abs(values[POSITION, c, i])
@@ -174,9 +181,10 @@ def raise_sizes(values, sizes):
 def set_newton_goal(m, h):
     """Set the error of p that Newton's method may leave, `m.room.goal` (d,).
 
-    For p = y' it is at least the error that rounding of y causes through terms of y. That part is
-    at most the change of p that moves y by its rounding over the step. For a small component the
-    goal is at least the rounding of the largest component.
+    It is a fraction of the tolerance. If the equation for p = y' has terms of y, the goal is at
+    least the error of p by rounding of y. This error counts up to the one that changes y by its
+    rounding over the step. The goal of a small component is at least the rounding error of the
+    largest component of its quantity.
     """
     equations, orbit, state, limits, room = m.equations, m.orbit, m.state, m.limits, m.room
     terms, orders, second = equations.terms, equations.orders, equations.second
@@ -198,10 +206,11 @@ def set_newton_goal(m, h):
 
 @inner
 def extrapolate(m, h):
-    """Extrapolate the polynomial of p from the last step to the nodes of the next.
+    """Extrapolate the polynomial of p on the last step to the nodes of the next step of length h.
 
-    Differences from p at the end of the last step are extrapolated, so that a constant is exact.
-    The change in the workspace, (d s,), is set to p minus the extrapolated values.
+    The result is the first guess of Newton's method. Differences from p at the end of the last step
+    are extrapolated, so a constant is exact. `m.room.change` (d s,) becomes p at the end of the
+    last step minus the result.
     """
     # last, out (d, s): p at the nodes of the last and of the next step; reached (s, s): weights
     nodes, legendre, p, h_last = m.rule.nodes, m.rule.legendre, m.orbit.p[0], m.state.control.last
@@ -231,13 +240,14 @@ def extrapolate(m, h):
 # - ORDERS_NEEDED: the next step needs tables of varying orders, which Python fills.
 # - JUMPING: the right-hand side jumps. CRAWLING: steps stay short without progress.
 REACHED, FULL, TOO_CLOSE, TOO_ROUGH, NEWTON_FAILED, ORDERS_NEEDED, JUMPING, CRAWLING = range(8)
-# Largest ratio of a step to the step before.
+# Largest ratio of the next step's length to the present one.
 _GROW = 3.0
-# Smallest ratio of a step to the step before.
+# Smallest ratio of the next step's length to the present one.
 _SHRINK = 0.2
 # Length of the next step, relative to that at which the error would be the tolerance.
 _SAFETY = 0.8
-# Growth of the step from which on many components are always factorised anew.
+# Ratio of step lengths from which a longer step is always worth a new factorisation, for many
+# components with a dense Jacobian.
 _WORTH = 2.0
 
 
@@ -269,8 +279,7 @@ def take_steps(march):
             stages.control[LENGTH] = 0.0
         assembled_for = h
         ratio, solved, by_defect = attempt(march, t, h, slot)
-        # an error that allows more than the largest growth does not show whether still longer steps
-        # succeed
+        # an error that allows more growth than _GROW does not show what a longer step would miss
         idle = ratio < (_SAFETY / _GROW) ** (s + lowest)
         longest = floor_to_grid(limits.longest_idle if idle else limits.longest)
         planned = next_length(h, control.next, ratio, was_refused, s + lowest)
@@ -321,12 +330,15 @@ def solve_for_tangents(m, h, slot):
 
 @plug_in
 def no_tangents(m, h, slot):
-    """Do nothing: stands for `solve_for_tangents` if only the orbit is solved."""
+    """Do nothing, in place of `solve_for_tangents`, if a march has no tangents."""
     return 0.0
 
 
 def march_of(work):
-    """Return the march of these arrays, with the functions that it calls."""
+    """Return the `AdaptiveMarch` of an `AdaptiveWork`, with the functions that its arrays need.
+
+    Functions for tangents, varying orders and general kernels do nothing if there are none.
+    """
     tangents = solve_for_tangents if work.orbit.x.shape[0] > 1 else no_tangents
     reading = read_varying if work.varying.integrals.shape[0] > 0 else read_nothing
     filling = fill_kernels if work.basis.masses.size > 0 else fill_nothing
@@ -336,7 +348,10 @@ def march_of(work):
 
 @inner
 def worth_new_factors(h, planned, ratio, stages):
-    """Return the planned length, or h again for some steps if the plan hardly exceeds it."""
+    """Return the length of the next step: the planned one, or h again if that saves factors.
+
+    A planned length less than `_WORTH` times h is postponed for `stages.hold` steps at most.
+    """
     held = stages.control[HELD]
     if stages.hold > held and ratio <= 1.0 and h < planned < _WORTH * h:
         stages.control[HELD] = held + 1.0
@@ -347,7 +362,7 @@ def worth_new_factors(h, planned, ratio, stages):
 
 @inner
 def reason_of_refusal(by_defect, solved):
-    """Return the status code for a rejected step that cannot be made shorter."""
+    """Return the status code for a rejected step that cannot be shortened further."""
     if by_defect:
         return JUMPING
     return TOO_ROUGH if solved else NEWTON_FAILED
@@ -355,7 +370,10 @@ def reason_of_refusal(by_defect, solved):
 
 @inner
 def next_step(control, end):
-    """Return start, time left and length of the next step, such that no tiny rest remains."""
+    """Return start of the next step, time to `end`, and the step's length.
+
+    The step ends at `end` or at most half-way, so no tiny step remains before `end`.
+    """
     left = end - control.time
     h = left if control.next >= left else min(control.next, 0.5 * left)
     return control.time, left, h
@@ -363,7 +381,10 @@ def next_step(control, end):
 
 @inner
 def orders_tabulated(t, h, varying):
-    """Return whether the tables of varying orders are those of this step; request them if not."""
+    """Return whether the tables of varying orders are valid for the step of length h from t.
+
+    If they are not, the function requests the tables of this step from Python.
+    """
     tabulated = varying.tabulated
     if varying.integrals.shape[0] == 0 or (tabulated.start == t and tabulated.length == h):
         return True
@@ -373,11 +394,12 @@ def orders_tabulated(t, h, varying):
 
 @inner
 def next_length(h, planned, ratio, was_refused, order):
-    """Return the length of the next step, from the ratio of error to tolerance of a step h.
+    """Return the length of the next step after a step of length h.
 
-    It is h times a limited power of the ratio, on the grid of lengths. It is a quarter of h if the
-    step was not solved. A step that was shortened to end at a stop does not change the planned
-    length.
+    `ratio` is the error of the step over the tolerance, infinite if the step was not solved. The
+    result is h times a power of the ratio, within limits, rounded down to the grid of lengths. It
+    is a quarter of h if the step was not solved. If the step was shortened to end at a stop, and
+    accepted, the result is the length `planned` before.
     """
     if ratio <= 1.0 and h < planned:
         return planned
@@ -415,7 +437,7 @@ def absorb_constant_mode(rates, orbit):
 
 @inner
 def advance_orbit(m, h, slot):
-    """Advance the orbit and its tangents to the end of the step that was solved."""
+    """Advance y, p and the modes of the orbit and its tangents to the end of the solved step."""
     x, p, values = m.orbit.x, m.orbit.p, m.orbit.last
     for column in range(values.shape[0]):
         advance_modes(m, h, slot, column)
@@ -426,7 +448,7 @@ def advance_orbit(m, h, slot):
 
 @inner
 def record_step(m, t, h, ratio, row):
-    """Write an accepted step into a row of `steps`; if p is y', update the largest p so far."""
+    """Store an accepted step in a row of `m.steps`; update the largest |p| so far if p is y'."""
     steps, second, largest = m.steps, m.equations.second, m.state.largest
     x, p, nodal, at_start = m.orbit.x, m.orbit.p, steps.p[row], steps.at_starts[row]
     d, s = x.shape[1], nodal.shape[1]

@@ -23,8 +23,8 @@ class Collocation(Scheme):
 
     If terms with general kernels or varying orders contain a component's highest derivative, a step
     solves the equation itself and not its integral. For such equations, and if any order varies, a
-    run begins with very short ordinary steps, at 0 and at jumps. Varying orders must exceed the
-    integer below by at least 0.05.
+    run begins with very short ordinary steps, at 0 and at jumps. The orders of such equations must
+    exceed the integer below by at least 0.05.
 
     Parameters
     ----------

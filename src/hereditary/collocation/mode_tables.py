@@ -1,8 +1,13 @@
 """Exponential modes of a collocation step: reading, advancing, and tables of their factors.
 
-Modes are read at the nodes of a step and advanced to its end by factors that depend on its length
-alone. Lengths lie on a grid (`floor_to_grid`), so a run has few of them. The factors of each length
-are stored in a slot of a table. The order of modes is that of kernels/mode_bank.py.
+A step reads the modes at its nodes and advances them to its end, by factors that depend on the
+step's length alone. Lengths lie on a grid (`floor_to_grid`), so few different lengths occur in a
+run. A slot of a table stores the factors of one length. The order of modes is that of
+kernels/mode_bank.py.
+
+Letters of shapes: d components, R rows of the equations, s nodes, M modes, n_a fractional
+integrals, n_k kernels, k tangents. There are n_q integrands: f, p and y, and p' if needed. `m` is
+an `AdaptiveWork`. A column is an index of the orbit, 0, or a tangent, 1 to k.
 """
 
 import math
@@ -17,22 +22,22 @@ from .structures import ModeWeights, StepTables
 
 # Number of step lengths between two powers of 2: lengths are 2**(n / _PER_OCTAVE), rounded up.
 _PER_OCTAVE = 8
-# Step lengths are multiples of their power of two over this number, so that sums of them are exact.
-# Otherwise rounding errors of equal steps accumulate to a drift of time.
+# A step length in [2**k, 2**(k + 1)) is a multiple of 2**k over this number, so sums of lengths are
+# exact. Rounding errors of equal steps would accumulate to a drift of time.
 _DIGITS = 2.0**12
-# Number of slots of the tables. Lengths whose ratio is a power of 2**(SLOTS / _PER_OCTAVE) share a
-# slot.
+# Number of slots of a table; step lengths whose ratio is a power of 2**(SLOTS / _PER_OCTAVE) share
+# a slot.
 SLOTS = 64
-# Number of bases whose tables are kept. Each has the tables of up to 64 step lengths, which take
-# some hundred kB.
+# Largest number of tables that remain in storage for later runs. Each table has the factors of up
+# to 64 step lengths, a few hundred kB.
 _MOST = 8
-# exp(-z) is set to 0 from this z on.
+# Argument z from which exp(-z) is replaced by 0.
 _UNDERFLOW = 700.0
 # Argument x below which, up to rounding, the scaled Bessel functions of orders 0, 1 and higher are
 # 1 - x, x / 3 and 0.
 _SMALL = 1e-8
-# First value of the downward recurrence of Bessel functions, which is accurate for arguments from
-# 1e-8 on.
+# First value of the downward recurrence of the scaled Bessel functions. The recurrence is accurate
+# for arguments from 1e-8 on.
 _SEED = 1e-200 + 0j
 
 
@@ -51,7 +56,7 @@ def empty_weights(equations, modes, n_integrands, s):
 
 
 def empty_tables(n_modes, s, n_kernels):
-    """Allocate tables without factors of any length."""
+    """Return `StepTables` without the factors of any length, for s nodes and n_kernels kernels."""
     slots = (SLOTS, n_modes, s), (SLOTS, n_modes), (SLOTS, s, n_modes), (SLOTS, n_kernels, s, s)
     return StepTables(np.zeros(SLOTS), *(np.empty(shape) for shape in slots))
 
@@ -117,12 +122,12 @@ def fill_kernels(m, h, slot):
 
 @plug_in
 def fill_nothing(m, h, slot):
-    """Do nothing: stands for `fill_kernels` if no kernel is a general one."""
+    """Do nothing, in place of `fill_kernels`, if there is no general kernel."""
 
 
 @inner
 def decay(z):
-    """Return exp(-z), and 0 where it would underflow: underflow takes ten times as long."""
+    """Return exp(-z), or 0 if exp(-z) would underflow; an underflow takes ten times as long."""
     return math.exp(-z) if z < _UNDERFLOW else 0.0
 
 
@@ -198,15 +203,15 @@ def read_varying(m, slot, column):
 
 @plug_in
 def read_nothing(m, slot, column):
-    """Do nothing: stands for `read_varying` if no order varies."""
+    """Do nothing, in place of `read_varying`, if no order varies."""
 
 
 @inner
 def advance_modes(m, h, slot, column):
-    """Advance the modes over the step: they decay, and absorb the polynomials of the integrands.
+    """Advance the modes of one column over a step of length h.
 
-    Row c absorbs integrands of component c modulo d. `column` is the number of the orbit or
-    tangent.
+    The modes decay, and the integrals of the integrands' polynomials over the step are added. Row c
+    has integrands of component c modulo d.
     """
     # to_end (M,): decay; moments (s, M): integrals of Legendre polynomials; values (n_q, d, s):
     # integrands at the nodes; modes (R, M)
@@ -240,10 +245,10 @@ def advance_modes(m, h, slot, column):
 
 @inner
 def set_mode_weights(equations, weights, of_varying, found):
-    """Set the weights with which modes absorb integrands, and the constants of offsets.
+    """Set the `ModeWeights` found: coefficients of the terms times weights of their kernels.
 
-    Modes of varying orders have weight 1. Their rows come after the others: one for each integrand
-    and component.
+    Modes of varying orders have weight 1. They are in rows after the others, one row for each
+    component and each integrand of varying orders.
     """
     # weights (n_a + n_k, M); of_varying (M,): 1 for the modes of varying orders
     input_weights, offset_weights, used = found.integrands, found.offsets, found.used
@@ -277,9 +282,9 @@ def set_mode_weights(equations, weights, of_varying, found):
 def exponential_legendre(z, n, out):
     """Set out[k] = ``int_0^1 exp(-z (1 - u)) P_k(2 u - 1) du``, k < n, for z >= 0.
 
-    These are scaled modified spherical Bessel functions of z / 2. If n is small compared with z / 2
-    they are computed by upward recurrence from the first two. Otherwise they are computed by their
-    continued fraction, whose terms are positive.
+    P_k is the Legendre polynomial. The integrals are scaled modified spherical Bessel functions of
+    z / 2. For n small against z / 2 they follow by upward recurrence from k = 0 and 1. Otherwise
+    their ratios follow from a continued fraction with positive terms.
     """
     x = 0.5 * z
     out[0] = 1.0 if z == 0.0 else -math.expm1(-z) / z
@@ -330,18 +335,21 @@ def turning_legendre(z, n, out):
 
 
 class KeptTables:
-    """A cache of tables that no march uses at present.
+    """Cache of `StepTables` that no march uses at present.
 
-    A march takes a table and gives it back, so that no two marches write into one. Factors depend
-    only on the length of a step, the nodes, the rates and the kernels. So results do not depend on
-    the lengths that a table has already.
+    A march removes a table and returns it at its end, so two marches never write to the same table.
+    Factors depend only on the step length, the nodes, the rates and the kernels. So results do not
+    depend on which lengths a table contains already.
     """
 
     def __init__(self):
         self._kept, self._lock = [], threading.Lock()
 
     def take(self, basis, s, n_varying):
-        """Return a table for these modes on s nodes, and the value that `give_back` takes."""
+        """Remove and return a key and a table for the modes of `basis` on s nodes.
+
+        If the cache has no such table, the table is new. The pair is the argument of `give_back`.
+        """
         n_kernels = basis.masses.size - n_varying
         of_kernels = basis.weights[basis.weights.shape[0] - basis.masses.size :][:n_kernels]
         parts = basis.rates, basis.pairs, of_kernels, basis.masses[:n_kernels]

@@ -21,26 +21,27 @@ from .operators import FORCE, POSITION, PRIMARY
 from .stages import stage_matrix, substitute_scaled
 from .structures import ALGEBRAIC, KEPT, LENGTH, REDUCED
 
-# Most Newton iterations of a step. A step that needs more is rejected.
+# Largest number of Newton iterations; a step that needs more is rejected.
 _SWEEPS = 12
-# Contraction rate of Newton's method from which on the Jacobian of an earlier step is not kept.
+# Contraction rate of Newton's method above which a Jacobian of an earlier step is evaluated again.
 _SLOW = 0.05
-# Number of the Newton iteration, from 0, at which systems of few components get a separate Jacobian
-# for each node.
+# Newton iteration, counted from 0, from which each node has its own Jacobian if components are few.
 _EACH = 5
-# Number of halvings of a Newton change, or of the first guess, at nodes where it leaves the domain
-# of f. After that the values at these nodes return to those before the change.
+# Number of times that a Newton change of p is halved at nodes where f is not finite after it. Then
+# p returns to its value before the change there. The step from p at the start of the step to the
+# first guess counts as a change.
 _HALVED = 4
-# Most iterations for a tangent of many components.
+# Largest number of iterations for a tangent of many components; a step that needs more is rejected.
 _TANGENT_SWEEPS = 30
-# Relative change of a tangent at which these iterations end.
+# Relative change of a tangent that ends the iterations for it.
 _TANGENT_GOAL = 1e-11
 # Least relative change of p at which Newton's method converges, for components without a size.
 _ROUNDING = 1e-14
 # Least absolute change of p at which Newton's method converges; a component whose goal is below
 # this has no size yet.
 _LEAST = 1e-202
-# Allowed change of p in components whose size is still unknown, as a fraction of the largest p.
+# Change of p at which Newton's method converges, as fraction of the largest |p| of all components,
+# for components without a size.
 _OF_LARGEST = 1e-10
 
 
@@ -77,8 +78,8 @@ def positions(m, h, p, x_start, x):
 
 @inner
 def forces(m, x, f):
-    """Set f to the right-hand side at all nodes, where y is x; return whether it is finite."""
-    # times (s,), x and f (d, s)
+    """Set f (d, s) to the right-hand side at y = x (d, s) at all nodes; return if f is finite."""
+    # times (s,): of the nodes
     rhs, params, times = m.right.user.rhs, m.right.user.params, m.room.times
     point, force, finite = m.room.point, m.room.force, True
     for i in range(times.shape[0]):
@@ -114,7 +115,7 @@ def factorise_newton(m, h, p, jacobians):
 
 @inner
 def solve_newton(m):
-    """Solve for the change of p from the residual in the workspace."""
+    """Solve Newton's linear system: `m.room.change` (d s,) from the residual `m.room.residual`."""
     residual, change, stages = m.room.residual, m.room.change, m.stages
     if stages.jacobians.shape[0] == 1:
         put(residual, change)
@@ -127,11 +128,13 @@ def solve_newton(m):
 def solve_stages(m, h):
     """Solve a step of length h for p at the nodes by Newton's method; return if it converged.
 
-    The workspace has the change from p at the start to these values, negated. The function returns
-    whether p is accurate to the goal, (d,). It sets y, and f corrected to first order for the last
-    change of p. The state records the rate of convergence. With many components the Jacobian is
-    kept over steps while the method converges fast, and factors as long as the length of the step
-    stays.
+    `m.room.values` has the first guess of p. `m.room.change` (d s,) has p at the start of the step
+    minus this guess. The method has converged if p is accurate to `m.room.goal` (d,). It also sets
+    y and f; f is corrected to first order for the last change of p. `m.state.contraction` records
+    the contraction.
+
+    Systems of many components use one Jacobian in several steps while the method converges fast,
+    and its factors while the step's length is the same.
     """
     room, stages, counts, contraction = m.room, m.stages, m.state.counts, m.state.contraction
     values, x_start, control, goal = room.values[0], m.orbit.x[0], stages.control, room.goal
@@ -198,9 +201,11 @@ def solve_stages(m, h):
 
 @inner
 def iterate_once(m, p, x, f):
-    """Set p to the values of its equations at the first guess; return whether rows are algebraic.
+    """Make one fixed-point iteration for explicit rows; return whether any row is algebraic.
 
-    Algebraic rows may not depend on their unknowns while all memory is still 0.
+    Algebraic rows may be independent of their unknowns while all memory is still 0. Newton's matrix
+    is then singular at the first guess, but it may be regular after this iteration. The arrays p,
+    x (= y) and f (d, s) are values at the nodes; the function changes p.
     """
     implicit, residual, s, found = m.equations.implicit, m.room.residual, p.shape[1], False
     residuals(m, m.room.base[0], p, x, f)
@@ -213,8 +218,10 @@ def iterate_once(m, p, x, f):
 
 @inner
 def stage_jacobians(m, x, out):
-    """Set the Jacobian of each node, or of the middle one alone; return the calls of `rhs`."""
-    # x (d, s), out (s, d, d), or (1, ., .) for all nodes
+    """Set the Jacobian of f at each node, or at the middle node only; return the calls of `rhs`.
+
+    x (d, s) is y at the nodes. `out` is (s, d, d), or (1, ., .) for the middle node only.
+    """
     times, point, units = m.room.times, m.room.point, m.room.units
     s, calls = times.shape[0], 0
     for i in range(out.shape[0]):
@@ -227,7 +234,10 @@ def stage_jacobians(m, x, out):
 
 @inner
 def correct_forces(jacobians, before, x, f, moved):
-    """Correct f (d, s) to first order from y = `before` to y = x; `moved` (s, d) is workspace."""
+    """Correct f (d, s) to first order by J (x - before), from y = `before` to y = x, (d, s).
+
+    `jacobians` has J for all nodes or for each node; `moved` (s, d) is a work array.
+    """
     d, s = x.shape
     sparse, by_nodes, entries = is_sparse(jacobians[0], d), jacobians.shape[0] > 1, jacobians[0]
     for k in range(entries.shape[1] if sparse else 0):
@@ -245,7 +255,10 @@ def correct_forces(jacobians, before, x, f, moved):
 
 @inner
 def take_back_at_nodes(f, share, change, p):
-    """Undo a fraction of the last change (d s,) of p at the nodes where f is not finite."""
+    """Undo a fraction of the last change of p at the nodes where f (d, s) is not finite.
+
+    `share` is the fraction. `change` (d s,) was subtracted from p (d, s), and is reduced as well.
+    """
     d, s = p.shape
     for i in range(s):
         finite = True
@@ -258,7 +271,7 @@ def take_back_at_nodes(f, share, change, p):
 
 @inner
 def take_change(change, goal, p):
-    """Subtract a change (d s,) from p; return its largest entry in units of the goal."""
+    """Subtract a change (d s,) from p (d, s); return its largest ratio to the goal (d,)."""
     size, largest = 0.0, 0.0
     for c in range(p.shape[0]):
         for i in range(p.shape[1]):
@@ -275,15 +288,19 @@ def take_change(change, goal, p):
 
 @inner
 def contraction_rate(size, previous, h, contraction):
-    """Return the rate of convergence of Newton's method, and record it after two changes."""
+    """Return the contraction rate of Newton's method, the ratio of two successive changes.
+
+    `size` and `previous` are the last two changes, in units of the goal. The rate of two changes is
+    recorded in `contraction`. After the first change `previous` is infinite, and the rate is
+    estimated from earlier steps.
+    """
     if previous < np.inf:
         rate = size / previous
         contraction.rate = max(rate, 0.1 * contraction.rate)
         contraction.change = max(previous, 0.1 * contraction.change)
         contraction.length = h
         return rate
-    # the first change has no predecessor: its rate is that of earlier steps, corrected upwards for
-    # a worse guess and for a longer step
+    # the recorded rate of earlier steps, larger for a worse first guess and for a longer step
     rate = contraction.rate * max(1.0, size / contraction.change)
     return rate * max(1.0, h / contraction.length) ** 2
 
@@ -366,7 +383,7 @@ def solve_tangent_stages(m, h):
 
 @inner
 def set_derivatives_by(k, m):
-    """Set `forced` of the workspace to df / dp_k at the nodes of the step."""
+    """Set `m.room.forced` (d, s) to the derivative of f by parameter k, at the orbit's nodes."""
     room, x = m.room, m.room.values[0, POSITION]
     for i in range(x.shape[1]):
         for c in range(x.shape[0]):

@@ -7,9 +7,10 @@ from ..support.checks import count, left_out, positive, real_array, refuse, show
 from .adaptive_stepper import MAX_STEPS, AdaptiveStepper, Tolerance
 from .algebraic import check_start
 
-# Least tolerance: below it the rounding of double precision decides, and not the scheme.
+# Smallest relative tolerance. Below it, rounding in double precision decides the error.
 TOLERANCE_FLOOR = 1e-12
-# Largest power of the end time, with the highest order above 1 as exponent.
+# Upper limit of t_end**alpha, where alpha is the highest order of the equation or 1 if that is
+# larger. The reciprocal is the lower limit of t_end.
 _FARTHEST = 1e300
 
 
@@ -17,7 +18,11 @@ def checked_tolerance(
     system, t_end, state=None, *, modes=None, n_steps=None, mesh=False,
     rtol=None, atol=None, max_step=None, max_steps=None,
 ):  # fmt: skip
-    """Return the `Tolerance` of a run; missing arguments are those of a state, or defaults."""
+    """Return the checked `Tolerance` of a run to t_end.
+
+    Arguments that are None are taken from `state`, if one is given, or have their default. `modes`
+    is the relative error of the modes.
+    """
     given = {"n_steps": n_steps, "mesh": None if mesh is False else mesh}
     left_out("with Collocation, which chooses its steps", **given)
     _check_end(t_end, system)
@@ -38,7 +43,10 @@ def checked_tolerance(
 
 
 def _absolute(atol, n):
-    """Return atol as a number, or as a tuple of numbers for n components of y."""
+    """Return the checked absolute tolerance: a number, or a tuple with one for each component.
+
+    n is the number of components of y.
+    """
     if not isinstance(atol, list | tuple) and np.ndim(atol) == 0:
         return positive("atol", atol)
     values = real_array("atol", atol)
@@ -49,7 +57,7 @@ def _absolute(atol, n):
 
 
 def _check_end(t_end, system):
-    """Refuse an end of a run whose powers exceed the range of double precision."""
+    """Refuse a t_end whose powers up to the highest order exceed the range of double precision."""
     farthest = _FARTHEST ** (1 / max(1.0, float(system.highest_orders().max())))
     interval = f"[{1 / _FARTHEST:g}, {farthest:g}]"
     within("t_end", t_end, 1 / _FARTHEST, farthest, interval, "take another unit of time")

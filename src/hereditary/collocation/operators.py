@@ -15,8 +15,8 @@ from .structures import Operators
 FORCE = 0  # f
 PRIMARY = 1  # p
 POSITION = 2  # y
-SLOPE = 3  # p', where needed
-# Index of a term that is not a convolution: it is the integrand itself.
+SLOPE = 3  # p', if a term has it
+# Index, in place of that of an order or kernel, of a term that is the integrand itself.
 ITSELF = -1
 
 
@@ -78,7 +78,10 @@ def assemble_operators(h, equations, rule, local, operators):
 
 @inner
 def set_columns(operators):
-    """Set the copies of the matrices by columns, with which sums are vectorised."""
+    """Set the fields of `Operators` that follow from its matrices: columns, alone and sums.
+
+    Products with the transposed matrices, `columns`, are vectorised.
+    """
     matrices, columns, alone, sums = (
         operators.matrices, operators.columns, operators.alone, operators.sums
     )  # fmt: skip
@@ -106,7 +109,7 @@ def first_of_kind(kinds, kind):
 
 @inner
 def any_offset(offsets, n):
-    """Return whether a constant is subtracted from the integrand of term n; offsets (1 + k, n)."""
+    """Return whether term n has a nonzero constant in `offsets`, for the orbit or a tangent."""
     found = False
     for column in range(offsets.shape[0]):
         found = found or offsets[column, n] != 0.0

@@ -4,9 +4,9 @@ Index 0 of an array is the orbit; indices 1 to k are tangents, its derivatives a
 directions. Each has present values, initial values, and a history. The history is the exponential
 modes and the values on the last step, whose time lag is too short for the modes.
 
-Letters of shapes: d components, s nodes, R rows of the equations, M modes, n convolution terms, n_q
-integrands (f, p, y and perhaps p'). The primary unknown p is y, or y' for orders above 1. Row c < d
-is p of component c, row d + c the terms subtracted from its right-hand side.
+Letters of shapes: d components, s nodes, R rows of the equations, M modes, n convolution terms.
+There are n_q integrands: f, p and y, and p' if needed. The primary unknown p is y, or y' for orders
+above 1. Row c < d is p of component c, row d + c the terms subtracted from its right-hand side.
 """
 
 from __future__ import annotations
@@ -83,7 +83,10 @@ class OrbitAndTangents:
         self._join()
 
     def _of_terms(self, constants):
-        """Return the constant of each term, as `offset_of` selects it from 0, p(0) and y(0)."""
+        """Return the constant subtracted from the integrand of each term, (1 + k, n).
+
+        `constants` (3, 1 + k, d) has the candidates 0, p(0) and y(0) for each component.
+        """
         components = self._form.terms["row"] % constants.shape[2]
         return np.ascontiguousarray(constants[self._form.offset_of, :, components].T)
 
@@ -181,13 +184,13 @@ class OrbitAndTangents:
         self._clear_modes()
 
     def _clear_modes(self):
-        """Set all modes to their values at a start."""
+        """Set all modes to their values at t = 0."""
         self.modes = np.zeros((self.x.shape[0], self._n_rows, self.bank.n_modes))
         self._take_start(slice(None))
         self.before = self.modes.copy()
 
     def _take_start(self, modes):
-        """Add y(0) of Riemann-Liouville terms to these modes, as a jump from 0."""
+        """Add y(0) of Riemann-Liouville terms to the modes with these indices, as a jump from 0."""
         d, unweighted = self.x.shape[1], self._form.unweighted.tolist()
         for q, c in self._form.from_zero:
             row = (2 + unweighted.index(q)) * d + c
@@ -208,7 +211,7 @@ class OrbitAndTangents:
         self.modes = self._advanced(self.before)
 
     def shift(self, change):
-        """Add `change` (d,) to y of the orbit, and to p(0) and y(0) where these are subtracted.
+        """Add `change` (d,) to y of the orbit, and to p(0) and y(0), to which the memory refers.
 
         Changing these as well keeps the jump out of the memory.
         """
@@ -221,7 +224,7 @@ class OrbitAndTangents:
         self.offsets[0] += self._of_terms(constants)[0]
 
     def jump_to(self, p, x):
-        """Set p and y to these values, (1 + k, d), and add the jump of p to the modes."""
+        """Set p and x (= y), (1 + k, d), after a jump; the modes of terms with p' get the jump."""
         d = x.shape[1]
         for c, q, k, coefficient in self._form.listed:
             if q == SLOPE and k != ITSELF:
@@ -229,7 +232,10 @@ class OrbitAndTangents:
         self.p, self.x = p, x
 
     def refine(self, closest):
-        """Refine the modes down to `closest`; the new fast modes contain the last step alone."""
+        """Refine the modes down to the time lag `closest`.
+
+        The added modes decay so fast that they contain only the last step.
+        """
         n, end = self.power_laws.rates.size, self.bank.n_real
         self.power_laws = self.power_laws.refine(closest)
         if self._form.varying:
@@ -260,8 +266,8 @@ class OrbitAndTangents:
         n = self.power_laws.rates.size
         damped = self.bank.real_modes(damping(self.bank.rates, distances).conj(), axis=0)
         base += self.modes[..., n:] @ damped[n:]
-        # memory of the last step by quadrature, because the step is closer than the modes hold;
-        # memory of all earlier steps by modes
+        # the last step by quadrature, because its time lag is too short for the modes; all earlier
+        # steps by the modes
         base += self.before[..., :n] @ damping(self.power_laws.rates, self.last_length + distances)
         _, v, weights = graded_rule()
         log_u, integrands = log_distances - np.log(self.last_length), self._integrands()
@@ -288,9 +294,9 @@ class OrbitAndTangents:
         return values @ functions.T
 
     def _nodal(self):
-        """Return the integrands of the last step at its nodes, (1 + k, n_q, d, s).
+        """Return the last step's integrands at its s nodes, (1 + k, n_q, d, s), and interpolation.
 
-        Return also the node functions at points of the graded rule, (n, s).
+        The latter are the Lagrange functions of the nodes at the n points of `graded_rule`, (n, s).
         """
         if self._singular is not None:
             variable, values = self._singular
@@ -298,7 +304,7 @@ class OrbitAndTangents:
         return self.last, at_rule(Variable(n=self.last.shape[-1]))
 
     def _advanced(self, modes):
-        """Return modes that were given before the last step, advanced to the end of that step."""
+        """Return the modes at the end of the last step, from those at its start, (1 + k, R, M)."""
         bank, d = self.bank, self.x.shape[1]
         rates = bank.rates * self.last_length
         values, functions = self._nodal()
@@ -341,7 +347,7 @@ def _integrals(values, functions, weights, damped):
 
 
 def _round_to_decades(closest, farthest):
-    """Return the next smaller distance ``farthest / 10**k``, so that similar runs share a fit."""
+    """Return the largest ``farthest / 10**k`` up to `closest`, so that similar runs share fits."""
     return farthest / 10.0 ** math.ceil(math.log10(max(farthest / closest, 10.0)))
 
 

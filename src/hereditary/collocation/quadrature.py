@@ -12,11 +12,11 @@ from scipy.special import rgamma, roots_jacobi
 
 from .structures import Rule
 
-# Number of orders at which integrals are computed. They are entire functions of the order, and are
-# interpolated between these orders.
+# Number of Chebyshev orders a at which the integrals J**a are tabulated. Between these orders the
+# integrals, entire functions of a, are interpolated.
 _N_ORDERS = 24
-# Position of a check point in each of s equal parts of a step. It is irrational, so that check
-# points coincide with no period.
+# Position of a check point in each of s equal parts of a step, as fraction of the part. It is
+# irrational, so that the check points coincide with no period of f.
 _LOOK = (5**0.5 - 1) / 2
 
 
@@ -47,7 +47,10 @@ def radau_integrals(s, a):
 
 
 def integrals_of_rows(s, a):
-    """Return `radau_integrals` with one order in [0, 1] for each node, (..., s, s)."""
+    """Return the integrals of the node polynomials at the nodes, (..., s, s), with orders a.
+
+    a (..., s) has an order in [0, 1] for each node, to which the integral extends.
+    """
     means = np.einsum("...ik,kij->...ij", _towards(a), _tabulated(s))
     return radau_nodes(s)[:, None] ** a[..., None] * means
 
@@ -90,7 +93,10 @@ def rule_of(s, orders):
 
 @lru_cache(maxsize=16)
 def _slopes(s):
-    """Return the inverse of the integral of order 1: slopes from values, with the value 0 at 0."""
+    """Return the inverse of the integrals of order 1, (s, s).
+
+    It maps nodal values of a polynomial that is 0 at the start to its slopes at the nodes.
+    """
     return _frozen(np.linalg.inv(radau_integrals(s, 1.0)))
 
 
@@ -133,13 +139,12 @@ def through_start(s):
 
 
 def check_points_of(s):
-    """Return the check points of a step, which are no nodes, (2 + s,).
+    """Return the points of a step, besides its nodes, at which f is checked, (2 + s,).
 
-    The first two enter the error of every step, the others of none.
+    The first two enter the error of every step. The others only show forces that steps missed.
     """
     ends = np.concatenate([[0.0], radau_nodes(s)])
-    # of all midpoints between nodes the last one shows most often that a solution slides along a
-    # jump
+    # of all midpoints between nodes, this one shows most often that a solution slides along a jump
     return np.concatenate([[0.0, ends[s - 2 : s].mean()], (np.arange(s) + _LOOK) / s])
 
 

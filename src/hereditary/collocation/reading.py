@@ -41,7 +41,7 @@ class Plain:
     Attributes
     ----------
     system : System
-        The system that is solved.
+        The system that the stepper solves.
     second : ndarray of bool, shape (d,)
         True for components of y whose first derivative is an unknown.
     """
@@ -50,11 +50,11 @@ class Plain:
         self.system, self.second = system, system.second
 
     def directions(self, directions):
-        """Return directions of initial data of the equation as those of the system, (n_data, k)."""
+        """Return k directions of initial data of the equation as those of the system, or None."""
         return directions
 
     def values(self, x, p):
-        """Return y and y', (..., d) each, of values x and slopes p; NaN if y' is no unknown."""
+        """Return y and y', (..., d) each, from values x and slopes p; NaN if y' is no unknown."""
         return x.copy(), np.where(self.second, p, np.nan)
 
     def piece(self, piece):
@@ -62,11 +62,11 @@ class Plain:
         return piece
 
     def widened(self, change):
-        """Return a change of y (d,), or of all that f reads, as a change of all components."""
+        """Return the change of all components for a change of y or of all arguments of f."""
         return change
 
     def seen(self, x):
-        """Return the values that f reads, from components x (n,) of the system."""
+        """Return the arguments of f, y here, from the components x of the system."""
         return x
 
 
@@ -81,7 +81,7 @@ class Reading(Plain):
         self._d, self._n_read = system.n_solved, system.d
 
     def directions(self, directions):
-        """Return directions of initial data of the equation as those of the system, (n_data, k)."""
+        """Return k directions of initial data of the equation as those of the system, or None."""
         if directions is None:
             return None
         wide = np.zeros((self.system.d, directions.shape[1]))
@@ -90,7 +90,7 @@ class Reading(Plain):
         return wide
 
     def values(self, x, p):
-        """Return y and y', (..., d) each, of values x and slopes p; NaN if y' is no unknown."""
+        """Return y and y', (..., d) each, from values x and slopes p; NaN if y' is no unknown."""
         speeds = np.where(self.second, x[..., self._speeds], np.nan)
         return x[..., : self._d].copy(), speeds
 
@@ -99,7 +99,7 @@ class Reading(Plain):
         return ReadingPiece(piece, self._speeds)
 
     def widened(self, change):
-        """Return a change of y (d,), or of all that f reads (n,), as one of all components."""
+        """Return the change of all components for a change of y or of all arguments of f."""
         found = np.pad(change[: self._d], (0, self.system.d - self._d))
         for copy, source in self._copies:
             found[copy] = found[source]
@@ -109,7 +109,7 @@ class Reading(Plain):
         return found
 
     def seen(self, x):
-        """Return the values that f reads, y and memory, from components x (n,) of the system."""
+        """Return the arguments of f, y and memory, from the components x (n,) of the system."""
         found = np.zeros(self._n_read)
         for row, place, factor in self._read:
             found[row] += factor * x[place]
@@ -181,8 +181,14 @@ def reduced(system):
 class _Reduction:
     """Construction of the system in which further components replace memory.
 
-    A component without a term has an algebraic row. `forces` are pairs (row, j): the right side of
-    the row is F_j. `own` are further entries of rows: (row, component, factor).
+    F_j is the highest derivative of y_j, or its algebraic right-hand side. The attributes are:
+
+    - `_terms`: (operator, component, coefficient) on the left side; a component without a term has
+      an algebraic row.
+    - `_forces`: pairs (row, j) of a row with F_j on its right side.
+    - `_own`: entries (row, component, factor) of the linear part of the right sides.
+    - `_places`: number of the component that is an operator, or a derivative of some order, of y_j.
+    - `_rows`: row of F_j for each y_j without a derivative.
     """
 
     def __init__(self, system):
@@ -205,7 +211,7 @@ class _Reduction:
         self._speeds[second] = d + np.arange(len(second))
         for j in second:
             self._places[j, 1.0] = self._add(float(system.y0[1, j]), j, 1.0)
-        # numbers of the algebraic rows that determine F_j, -1 before they are known
+        # the row of F_j for each j with an algebraic row
         self._rows = dict.fromkeys(np.flatnonzero(self._bare).tolist(), -1)
         starts = derivatives_at_start(system) if self._rows else {}
         for j in self._rows:
@@ -230,7 +236,10 @@ class _Reduction:
         return len(self._starts) - 1
 
     def _derive(self, place, order, origin, j):
-        """Set the derivative of a component to another component, or to F_j if none is given."""
+        """Add the equation that the derivative of component `place`, of this order, is `origin`.
+
+        If `origin` is None, the derivative is D^alpha y_j.
+        """
         coefficient = 1.0
         if origin is None and self._bare[j]:
             origin = self._places[j, self._leading[j]]
@@ -242,7 +251,7 @@ class _Reduction:
         self._terms.append((ConstantOrder(float(order)), place, coefficient))
 
     def _place(self, j, operator):
-        """Return the component that equals the term of an operator on y_j, with factor 1."""
+        """Return the number of the component that equals an operator applied to y_j."""
         if not operator.constant:
             return self._convolution(j, operator)
         gamma, leading = operator.order, self._leading[j]
@@ -294,7 +303,7 @@ class _Reduction:
         return place
 
     def _add_own(self, j):
-        """Add a component with an own unknown; return its number."""
+        """Add a component whose scale is independent of others; return its number."""
         return self._add(0.0, j, -1.0 - len(self._starts))
 
     def _delayed(self, j, kernel):
@@ -366,8 +375,8 @@ def in_stages(operator):
 def _leading_orders(system):
     """Return the highest order of each component, (d,).
 
-    For a component with an algebraic row it is the highest order that f reads: the row determines
-    this derivative.
+    For a component with an algebraic row it is the highest order of its derivatives that f reads.
+    The row determines this derivative.
     """
     d, bare = system.n_solved, system.algebraic
     found = system.highest_orders()[:d].copy()

@@ -13,18 +13,20 @@ from .first_rule import Variable
 from .operators import FORCE
 from .stage_solver import has_stages
 
-# Factor by which a refused step is shortened.
+# Ratio of the next trial length to the length of a rejected trial step.
 _SHORTER = 0.25
-# Exponent below which a generator is tiny: in no step its power of t is small.
+# Generator below which time to this power is not small for any possible step. A variable u that is
+# bent by a rate c is tried then.
 _TINY = 0.12
-# Number of long steps that are tried first, in a variable that is bent for the decay rate.
+# Number of trial lengths in a variable u that is bent by a rate c, before all trials with c = 0.
 _BENT_TRIALS = 12
-# Exponent of a power of t that hardly changes from t = 1e-300 on.
+# Exponent below which a power of time hardly changes between 1e-300 and 1.
 _VANISHING = 1e-3
-# Longest step, in lengths of the step before: its start resolved a singularity, which is as close
-# now.
+# Longest first step after a break, in lengths of the step before the break. An earlier singularity
+# may be as close as that step is long.
 _OF_LAST = 100.0
-# Size of a component at rest, as a fraction of the largest size of all components.
+# Size of a component that is 0, as fraction of the largest component, in the rate of change of many
+# components.
 _OF_LARGEST = 0.01
 
 
@@ -54,9 +56,9 @@ def trials(system, form, orbit, t, left, longest, least, counts, units):
         if c >= 0.5:
             yield h, Variable.of(form.generators, 2.0 ** round(math.log2(c)))
     rate, order = _rate(system, form, orbit, jacobian, just_after), _order(form)
-    # over the first step the solution changes by about half of its size
+    # over the first trial step the solution changes by about half of its size
     first = most if rate * most**order < 0.5 else (0.5 / rate) ** (1 / order)
-    # beside other powers, one with a tiny exponent is nearly constant
+    # a power with an exponent next to 0 is nearly constant compared with other powers
     others = tuple(g for g in form.generators if g >= _VANISHING)
     kinds = {form.generators, others if others[0] < 1.0 else form.generators}
     for generators in sorted(kinds):
@@ -75,9 +77,9 @@ def _decay_rates(jacobian):
 
 
 def _order(form):
-    """Return the smallest order by which f is integrated, without tiny orders.
+    """Return the smallest order by which f is integrated, at least 0.1.
 
-    Tiny orders are no measure of lengths.
+    Smaller orders do not give useful lengths of steps.
     """
     forces = form.terms[form.terms["integrand"] == FORCE]
     orders = form.orders[forces["index"]] + form.second[forces["row"]]
@@ -85,10 +87,11 @@ def _order(form):
 
 
 def _rate(system, form, orbit, jacobian, just_after):
-    """Return the rate at which the solution may change first: the largest sum of sqrt(J_ij J_ji).
+    """Return an estimate of the rate at which the solution changes just after the start.
 
-    With many components |J v| / |v| is a better rate, for v = f and v = y'. For a partial
-    differential equation with smooth initial data it does not grow as the mesh becomes finer.
+    For few components it is the largest row sum of sqrt(|J_ij J_ji|), where J is the Jacobian of f.
+    For many components it is the larger of |J v| / |v| for v = f and v = y'. For a partial
+    differential equation with smooth initial data, this rate does not grow on finer meshes.
     """
     if not has_stages(form):  # the result is independent of units
         return float(np.sqrt(np.abs(jacobian * jacobian.T)).sum(axis=1).max())

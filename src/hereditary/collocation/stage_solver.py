@@ -1,4 +1,8 @@
-"""Storage and solvers of the linear systems of collocation steps."""
+"""Choice of a solver for the linear systems of collocation steps, and allocation of its arrays.
+
+A step has s stages (nodes), an equation d components. `structure` is the sparsity of the Jacobian,
+or None for a dense one. Components of one kind have the same terms.
+"""
 
 from functools import partial
 from typing import Any, NamedTuple
@@ -21,15 +25,17 @@ from .stages import (
 )
 from .structures import N_CONTROL, STAGES_SIG, Stages
 
-# With a dense Jacobian, number of steps of one length after which factors are computed for a longer
-# step.
+# Number of steps for which a slightly longer step is postponed, to reuse the factors of a dense
+# Jacobian.
 _HOLD = 1
 
 
 class StageSolver(NamedTuple):
-    """Solver of the systems of all stages, and its storage.
+    """Solver of the linear systems of all stages, and its arrays.
 
-    `held` are objects that must exist as long as the solver.
+    - solver: compiled function with the signature `STAGES_SIG`.
+    - stages: the arrays of the solver, `Stages`.
+    - held: a Python object that compiled code calls by its address, stored to keep it alive.
     """
 
     solver: Any
@@ -40,7 +46,8 @@ class StageSolver(NamedTuple):
 def has_stages(form):
     """Return whether steps of these equations reuse the factors of one Jacobian for all stages.
 
-    This needs many components: for few, a factorisation takes no longer than a solution.
+    They do so for many components. For few components a factorisation takes no longer than a
+    solution.
     """
     return form.second.size > FEW
 
@@ -56,7 +63,7 @@ def stage_solver(structure, form, s):
     if structure is None:
         how = {"lapack": lapack_address("dgehrd"), "lapack_solve": lapack_address("dorghr")}
         how["lapack_balance"] = lapack_address("dgebal")
-        # if orders vary, each step is factorised anew
+        # varying orders change the factors in each step: a longer step is not postponed
         how["hold"] = 0 if form.varying else _HOLD
         room = {"factors": np.empty((s, 1, d), complex), "dense": np.empty((2 + 2 * s, d, d))}
         order, jacobians = np.arange(d), np.zeros((1, d, d))
@@ -73,7 +80,10 @@ def stage_solver(structure, form, s):
 
 
 def _joint_solver(structure, form, s):
-    """Return the `StageSolver` for few components, or for components with different terms."""
+    """Return the `StageSolver` for few components, or for components with different terms.
+
+    It solves a single system of all d s unknowns.
+    """
     d, kinds = form.second.size, (form.kinds, form.second)
     n, order = d * s, np.arange(d * s)
     if structure is None:
@@ -95,9 +105,10 @@ def _joint_solver(structure, form, s):
 
 
 def _solver(function, kinds, s, held=None, *, order, **given):
-    """Return a `StageSolver` with the given parts, and empty arrays for all others.
+    """Return a `StageSolver` of a compiled function, whose `Stages` has the given fields.
 
-    `kinds` are `Form.kinds` and `Form.second`, (d,) each.
+    Optional fields that are not given are empty arrays or 0. `kinds` is the pair of `Form.kinds`
+    and `Form.second`, (d,) each.
     """
     numbers, second_of = kinds
     n = int(numbers.max()) + 1

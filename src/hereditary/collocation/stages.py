@@ -49,7 +49,11 @@ _SCALING = ord("S")
 
 @inner(allocates=True)
 def diagonalise_stages(stage):
-    """Set the required eigenvalues and both transforms; return False if they do not exist."""
+    """Set the eigenvalues of M^-1 G and the transforms to and from its eigenvectors.
+
+    Of each conjugate pair one eigenvalue is stored. Returns False if M or the matrix of
+    eigenvectors is singular.
+    """
     s = stage.integral.shape[0]
     pencil = np.empty((3, s, s))
     set_pencil(stage.matrices[0], stage.integral, stage.second[0], pencil)
@@ -61,7 +65,7 @@ def diagonalise_stages(stage):
     values, imaginary, vectors = np.empty(s), np.empty(s), np.empty((s, s))
     if not eigenvectors(stage.lapack_values, both, values, imaginary, vectors):
         return False
-    # a pair of eigenvectors v +- i w is stored as v and w, so that the inverse is real as well
+    # a conjugate pair of vectors v +- i w is stored as v and w: the inverse is real as well
     if not set_inverse(vectors, both):
         return False
     transpose(both)
@@ -84,7 +88,7 @@ def diagonalise_stages(stage):
 
 @inner(allocates=True)
 def set_inverse(a, out):
-    """Set the inverse of a (s, s), column by column; return False for a singular matrix."""
+    """Set `out` to the inverse of the matrix a (s, s); return False if a is singular."""
     # loops take less time to compile than NumPy's functions, and s is small
     s = a.shape[0]
     copied, column = np.empty((s, s)), np.empty(s)
@@ -111,18 +115,19 @@ def set_product(a, b, out):
 
 @inner(allocates=True)
 def eigenvectors(lapack, matrix, values, imaginary, vectors):
-    """Set both parts of the eigenvalues (s,), and the eigenvectors, by LAPACK; False if it fails.
+    """Compute eigenvalues and right eigenvectors of a matrix (s, s) by LAPACK; False if it fails.
 
-    Eigenvectors are rows, (s, s). A conjugate pair has two rows, the real and then the imaginary
-    part of the vector of the eigenvalue above the real axis. This eigenvalue comes first.
+    `values` and `imaginary` (s,) get the real and imaginary parts of the eigenvalues. The rows of
+    `vectors` (s, s) get the eigenvectors. Of a conjugate pair the eigenvalue above the real axis
+    comes first. Its eigenvector fills two rows: the real part, then the imaginary part.
     """
     s = values.shape[0]
     for i in range(s):
         for k in range(s):
             if not abs(matrix[i, k]) < np.inf:
                 return False
-    # the columns of a square matrix, and workspace; sizes, LAPACK's status, and two letters: both
-    # arrays exist until LAPACK returns
+    # `room` has the matrix by columns and LAPACK's workspace; `numbers` has sizes, the status and
+    # two options. Both variables keep their arrays alive until LAPACK returns.
     room, numbers = np.empty((s + 8, s)), np.empty(5, dtype=np.int32)
     for i in range(s):
         for k in range(s):
@@ -161,7 +166,7 @@ def add_solution(k, solution, stage, out):
 
 @plug_in
 def no_stages(task, values, stage):
-    """Do nothing: stands for a solver with few components, which need none."""
+    """Do nothing: few components are solved in newton.py, without a function value."""
     return 1
 
 
@@ -237,7 +242,11 @@ def reduce(stage):
 
 @inner
 def eliminate(shift, h, real, imaginary, exchanged):
-    """Set the factors of ``1 - shift H``, with inverted pivots and exchanged rows if necessary."""
+    """Factorise the complex matrix ``1 - shift H``, H Hessenberg; return False if it is singular.
+
+    `real` and `imaginary` (n, n) get the upper factor, with inverted pivots, and the multipliers on
+    the subdiagonal. `exchanged` (n,) is 1 where row j was exchanged with row j + 1.
+    """
     n = h.shape[0]
     set_shifted_row(0, shift, h, real, imaginary)
     for j in range(n):
@@ -295,7 +304,10 @@ def substitute_hessenberg(real, imaginary, exchanged, x):
 
 @inner(reorders=True)
 def complex_dot(real, imaginary, x_real, x_imaginary, first, end):
-    """Return both parts of the dot product of two complex vectors, from `first` to `end`."""
+    """Return the real and the imaginary part of ``sum_k a_k x_k`` for first <= k < end.
+
+    Both complex vectors are given by their real and imaginary parts.
+    """
     a, b = 0.0, 0.0
     c, d = real[first:end], imaginary[first:end]
     x, y = x_real[first:end], x_imaginary[first:end]
@@ -398,7 +410,7 @@ def stage_matrix(stage, h, jacobians, at_nodes, out):
     of their components. `jacobians` (m, d, d) is one for all nodes, m = 1, or one for each node,
     m = s. The integrals of p over the step of length h are ``h * stage.integral``.
     """
-    # jacobians (m, d, d); at_nodes (>= s,) is workspace; out (d s, d s)
+    # at_nodes (>= s,) is a work array
     matrices, kinds, integral = stage.matrices, stage.kinds, stage.integral
     second, scales = stage.second, stage.scales
     d, s, each = kinds.shape[0], integral.shape[0], jacobians.shape[0] > 1
@@ -426,10 +438,10 @@ def stage_matrix(stage, h, jacobians, at_nodes, out):
 
 @inner
 def set_pencil(own, integral, is_speed, out):
-    """Set M and G, by which the residuals of component c change: ``M x_c - sum_e J_ce G x_e``.
+    """Set the matrices M and G of one kind, for residuals ``M x_c - sum_e J_ce G x_e``.
 
-    M and both G are those of the kind of c. One G is for components e whose unknown is y, the other
-    for y'.
+    x_c (s,) are the unknowns of component c of this kind. One G acts on components x_e whose
+    unknown is y, a second G on those whose unknown is y'.
     """
     # own (3, s, s): matrices of f, p and y of the kind. integral (s, s): integrals to each node.
     # out (3, s, s): indexed by OF_VALUES, OF_SPEEDS and REST.
@@ -468,7 +480,8 @@ def set_entries(stage):
 def set_scales(units, stage):
     """Set the scale of each component to the largest power of 2 up to its unit; units (d,).
 
-    If scales change, the factors are no longer valid.
+    Only the single system of all stages has such scales. If a scale changes, the factors become
+    invalid.
     """
     for c in range(units.shape[0] if stage.joint.shape[0] > 0 else 0):
         scale = math.ldexp(1.0, math.frexp(units[c])[1] - 1)

@@ -52,11 +52,11 @@ CONTROL = np.dtype([(name, "f8") for name in _TIMES], align=True)
 COUNTS = np.dtype(
     [("rhs", "i8"), ("accepted", "i8"), ("refused", "i8"), ("by_defect", "i8")], align=True
 )
-# Contraction of Newton's method: its rate, the change of p at which it was observed, and the step
-# length there.
+# Record of the contraction of Newton's method: its rate, and the change of p and the step length at
+# which the rate was observed.
 CONTRACTION = np.dtype([("rate", "f8"), ("change", "f8"), ("length", "f8")], align=True)
-# Start time since the origin, and length, of the step that the tables are computed for, and of the
-# step that is requested.
+# Record of two steps: the one that the tables of varying orders are valid for, and the one for
+# which the march requests them. Starts are times since the origin.
 TABULATED = np.dtype(
     [("start", "f8"), ("length", "f8"), ("next_start", "f8"), ("next_length", "f8")], align=True
 )
@@ -67,8 +67,7 @@ Tabulated: TypeAlias = Annotated[np.void, from_dtype(TABULATED)]
 IntegerMatrix: TypeAlias = Annotated[np.ndarray, types.Array(I8, 2, "C")]
 Records: TypeAlias = Annotated[np.ndarray, types.Array(from_dtype(TERM), 1, "C")]
 
-# Mark of a component whose row is 0 = f, among the marks of components whose p follows from a
-# balance.
+# Value of `Equations.implicit` for a component whose equation is 0 = f, without any term.
 ALGEBRAIC = 2
 
 
@@ -460,7 +459,7 @@ class AdaptiveMarch(NamedTuple):
 ADAPTIVE_MARCH = Reference(compiled_type(AdaptiveMarch))
 
 
-# Fields of the workspace with one number for each component.
+# Fields of `StepRoom` with one number for each component.
 _BY_COMPONENT = (
     "point", "force", "goal", "errors", "defect", "hidden", "sizes", "sizes_before", "units",
     "force_scales", "starts", "start_scales",
