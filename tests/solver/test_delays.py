@@ -284,6 +284,20 @@ def test_pairs_of_a_linear_equation_grow_as_a_solution(order, delays):
     assert np.exp(found.log_growth[:, 0]) == pytest.approx(exact, abs=allowed)
 
 
+def test_pairs_beside_other_memory_and_with_other_parameters():
+    memory = [hd.Delay(1.0), hd.Caputo(0.4)]
+    slow = hd.Equation(
+        hd.Caputo(0.9), lambda t, y, z, p: -p[0] * z[0] - 0.1 * z[1], 1.0, [1.0], memory=memory
+    )
+    equation, how = slow.replace(params=[2.0]), {"scheme": hd.BDF(2)}
+    found = hd.lyapunov(
+        equation, 10.0, 1000, mode="pair", renorm=0.3, verify=False, directions=[[1.0]], **how
+    )
+    exact = np.abs(hd.solve(equation, 10.0, 1000, **how).y[:, 0])
+    at = np.rint(found.times / 0.01).astype(int)
+    assert np.exp(found.log_growth[:, 0]) == pytest.approx(exact[at], abs=1e-6)
+
+
 def simple(**delay):
     return hd.Equation(hd.Caputo(0.9), lambda t, y, z: -z[0], 1.0, memory=hd.Delay(**delay))
 

@@ -77,7 +77,7 @@ _STILL = 1e-2
 # If more than this fraction of the accepted steps is rejected, a block is slow when `max_steps`
 # does not suffice to the end.
 _REFUSED = 0.125
-# Number of steps to the end of the run. A batch is slow if, at its speed, the run needs more.
+# Number of steps to the end of the run. A block is slow if, at its speed, the run needs more.
 _MOST_STEPS = 1e7
 # Relative growth of the solution over the last step. A run that cannot go on has blown up if the
 # solution grew by more and exceeds all earlier values.
@@ -288,7 +288,7 @@ class Allowed(NamedTuple):
 class Tolerance(NamedTuple):
     """Tolerances of a run, and limits of its steps.
 
-    - rtol; atol: one number or one for each component of y, None for an rtol of the largest |y|.
+    - rtol; atol: one number or one for each component of y, None for errors relative to sizes.
     - modes: relative error of the modes; None for the error that the tolerances require.
     - longest: longest step [time], or None; most: largest number of steps.
     """

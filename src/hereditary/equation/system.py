@@ -376,8 +376,9 @@ def displaced(system: System, y0: np.ndarray, params: np.ndarray | None = None) 
     values = system.compiled_params.copy()
     if params is not None:
         values[: params.size] = params
-    lift = (y0[0] - system.y0[0, : y0.shape[1]])[: system.n_solved]
-    delays = tuple(delay.lifted(lift, values) for delay in system.delays)
+    if system.delays:
+        lift = (y0 - system.y0[:, : y0.shape[1]])[0, : system.n_solved]
+        system = replace(system, delays=tuple(each.lifted(lift, values) for each in system.delays))
     y0 = np.take(y0, system.sources, axis=1)
     y0.flags.writeable = False
-    return replace(system, y0=y0, compiled_params=values, delays=delays)
+    return replace(system, y0=y0, compiled_params=values)

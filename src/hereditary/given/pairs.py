@@ -16,7 +16,7 @@ class Pairs(TangentStepper):
     Parameters
     ----------
     opened : callable
-        ``opened(system)`` returns a stepper on given steps at its start.
+        ``opened(system)`` returns a stepper on given steps at its start, with `parts`.
     system : System
     directions : ndarray, shape (n_data, k)
     separation : float

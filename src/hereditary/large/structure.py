@@ -158,7 +158,7 @@ class Structure:
 
 
 class Stated(NamedTuple):
-    """What an equation states of its Jacobian.
+    """Statements of an equation about its Jacobian.
 
     `rows` and `columns` (k,) are those of the entries of d rhs / d y, None if any entry may differ
     from 0. `jac` fills an array of `shape`, in which the entries have the positions `places` (k,).

@@ -48,7 +48,7 @@ class _Solved(NamedTuple):
 
 
 class _Remembered(NamedTuple):
-    """What a march with delays stores beside its inner stepper.
+    """Data that a march with delays stores beside its inner stepper.
 
     - solved: dense output that a delay still reads.
     - roots: times after which kinks follow, one delay later and so on.
@@ -207,10 +207,14 @@ class DelayedStepper(ResumableStepper, JumpingStepper):
             self._solved.append(_Solved(start, self._inner.t, piece))
         return piece if keep else None
 
+    def _earliest(self) -> float:
+        """Return the earliest time that a delay reads at the present time."""
+        t = np.array([self._inner.t])
+        return min(float(delay.ago(t)[0]) for delay in self._delays)
+
     def _forget(self) -> None:
         """Drop dense output that ends before the earliest time that a delay reads."""
-        t = np.array([self._inner.t])
-        first = min(float(delay.ago(t)[0]) for delay in self._delays)
+        first = self._earliest()
         self._solved = [each for each in self._solved if each.end >= first]
 
     position = property(lambda self: self._inner.position)
@@ -239,13 +243,12 @@ class DelayedStepper(ResumableStepper, JumpingStepper):
         parts = [*self._inner.parts(), *(delay.lift for delay in self._delays)]
         if not self._solved:
             return parts
-        first = min(float(delay.ago(np.array([self._until]))[0]) for delay in self._delays)
         pieces: list[Any] = [each.piece for each in self._solved]
         times, rows, slopes = (
             np.concatenate([getattr(pieces[0], name)[:1], *(getattr(p, name)[1:] for p in pieces)])
             for name in ("times", "rows", "slopes")
         )
-        start = max(int(np.searchsorted(times, first, side="right")) - 1, 0)
+        start = max(int(np.searchsorted(times, self._earliest(), side="right")) - 1, 0)
         piece = StepPieces(times[start:], rows[start:], slopes[start:])
         self._solved = [_Solved(float(times[start]), self._until, piece)]
         return [*parts, piece.rows, piece.slopes]

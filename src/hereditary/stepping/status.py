@@ -1,4 +1,4 @@
-"""How runs end: the statuses, their warnings, and what an exception ends."""
+"""Statuses of runs, their warnings, and the ending of a run by an exception."""
 
 import enum
 import traceback
@@ -14,7 +14,7 @@ NOT_FINITE = "the right-hand side is not finite just ahead"
 
 
 class Status(enum.StrEnum):
-    """How a run ended: a string, as in ``sol.status == "blown_up"``.
+    """The status of a run: a string, as in ``sol.status == "blown_up"``.
 
     docs/troubleshooting.md has a remedy for each status.
 
@@ -75,7 +75,7 @@ class StabilityWarning(SolveWarning):
 
 
 class Ending(NamedTuple):
-    """How a run ended: its status, a clause for its message, and the exception that ended it."""
+    """The ending of a run: its status, a clause for its message, and the exception if any."""
 
     status: Status
     detail: str = ""
