@@ -1,4 +1,4 @@
-"""Special functions and moments keep every digit; kernels share the rates of one sum."""
+"""Special functions and moments keep every digit, shared rates their tolerance, roots rounding."""
 
 import math
 
@@ -19,6 +19,7 @@ from hereditary.kernels.special import (
     power_differences,
     power_second_differences,
 )
+from hereditary.solver.events import bracketed_root
 
 POWERS = [1e-6, 0.05, 0.2, 0.5, 0.8, 0.999]
 
@@ -127,3 +128,28 @@ def test_one_set_of_rates_serves_every_order(ratio, tol):
     assert errors[-1] > 0.5 * tol
     alone = hd.fit_exponentials(hd.PowerLaw(0.5), 1.0, ratio, tol).n_modes
     assert alone < rates.size < 2 * alone
+
+
+@pytest.mark.parametrize(
+    ("function", "low", "high", "root"),
+    [
+        (lambda x: x - 1.0 / 3.0, 0.0, 1.0, 1.0 / 3.0),
+        (lambda x: np.cos(x) - x, 0.0, 1.0, 0.7390851332151607),
+        (lambda x: x**9, -1.0, 3.0, 0.0),  # flat: false position alone would creep
+        (lambda x: np.expm1(50.0 * (x - 0.9)), 0.0, 1.0, 0.9),
+        (lambda x: np.sign(x - 0.3), 0.0, 1.0, 0.3),  # a jump
+        (lambda x: x, 0.0, 1.0, 0.0),
+        (lambda x: x - 1.0, 0.0, 1.0, 1.0),
+        (lambda x: 2.0 - x, 5.0, 1.0, 2.0),  # falling, given the other way round
+    ],
+)
+def test_bracketed_root(function, low, high, root):
+    calls = []
+
+    def counted(x):
+        calls.append(x)
+        return function(x)
+
+    found = bracketed_root(counted, low, high)
+    assert found == pytest.approx(root, abs=1e-15)
+    assert len(calls) < 250

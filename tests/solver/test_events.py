@@ -348,28 +348,3 @@ def test_signs_in_a_state_are_those_of_the_run():
     first = hd.solve(eq, 1.0, rtol=1e-8, events=below)
     below.level = 0.45
     assert hd.solve(eq, 3.0, resume=first.state, events=below).t_events[0].size == 0
-
-
-@pytest.mark.parametrize(
-    ("function", "root"),
-    [
-        (lambda t: t - 1.0 / 3.0, 1.0 / 3.0),
-        (lambda t: np.cos(t) - t, 0.7390851332151607),
-        (lambda t: (t - 0.3) ** 9, 0.3),  # flat: false position alone would creep
-        (lambda t: np.expm1(50.0 * (t - 0.9)), 0.9),
-        (lambda t: np.sign(t - 0.3), 0.3),  # a jump
-        (lambda t: 1.0 - t, 1.0),  # at the end of a step
-        (lambda t: 1.1 - 3 * t, 1.1 / 3),
-    ],
-)
-def test_roots_are_found_to_rounding_in_few_calls(function, root):
-    calls = []
-
-    def event(t, y):
-        calls.append(t)
-        return function(t)
-
-    rising = hd.Equation(hd.Caputo(1.0), lambda t, y: 1.0 + 0 * y, 0.0)
-    found = hd.solve(rising, 3.0, 1, scheme=hd.L1(), events=event)
-    assert found.t_events[0] == pytest.approx([root], abs=1e-15)
-    assert len(calls) < 250
