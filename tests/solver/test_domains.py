@@ -114,6 +114,8 @@ def both(domain, order, how, amount, power, inside):
 def test_a_run_at_the_edge_is_the_one_whose_f_goes_on_beyond_it(
     name, order, how, amount, power, inside
 ):
+    # the next test has the runs that this law does not hold for
+    assume(not (name == "cascade" and order > 1 and inside == 0 and "rtol" in how))
     found, beyond = both(DOMAINS[name], order, how, amount, power, inside)
     assume(beyond.success)
     _, low, high, _ = DOMAINS[name]
@@ -121,6 +123,17 @@ def test_a_run_at_the_edge_is_the_one_whose_f_goes_on_beyond_it(
     assert found.success, found.message
     size = np.abs(beyond.y).max()
     assert np.abs(found.y[-1] - beyond.y[-1]).max() <= how.get("rtol", 1e-8) * size
+
+
+@pytest.mark.parametrize("power", [1.4, 1.6, 1.9])
+def test_a_third_component_below_rounding_ends_the_run_with_a_reason(power):
+    """At order 1.5 it begins as a power of t above 6, which rounding makes negative."""
+    found, _ = both(DOMAINS["cascade"], 1.5, {"rtol": 1e-4}, 1.0, power, 0.0)
+    assert found.status == "step_too_small"
+    assert "the right-hand side is not finite just ahead" in found.message
+    found, beyond = both(DOMAINS["cascade"], 1.5, {"rtol": 1e-4}, 1.0, power, 1e-9)
+    assert found.success, found.message
+    np.testing.assert_allclose(found.y[-1], beyond.y[-1], rtol=1e-4)
 
 
 @pytest.mark.parametrize("how", WAYS, ids=repr)
