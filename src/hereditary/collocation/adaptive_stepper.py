@@ -232,8 +232,8 @@ def leaves_domain(system, t, y, move):
 # Largest error of one step, as fraction of the tolerance of a run.
 STEP_FRACTION = 0.1
 # Fraction of the error of a step for that of the modes, whose errors add up along undamped orbits.
-# With 1e-2, D^0.5 y = 10 (y1 - y2, y1 + y2) errs by 23 tolerances after 3,180 periods. P1 to P6
-# need the same time.
+# With 1e-2, D^0.5 y = 10 (y1 - y2, y1 + y2) errs by 23 tolerances after 3,180 periods. The problems
+# of convergence/work_precision.py need the same time.
 _MODES_FRACTION = 1e-4
 # Without damping, errors of the modes add up to this multiple of the error of their fit, for each
 # size of y by which y moves (convergence/undamped.py).

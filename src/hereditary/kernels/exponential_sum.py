@@ -307,8 +307,8 @@ def bank_of_all_orders(ratio: float, tol: float) -> tuple[np.ndarray, float, flo
     a = np.append(1e-9, np.linspace(0.01, 1.0, 100))
     h = min(trapezoid_step(value, tol / 1.01) for value in (1e-3, 0.5, 1.0))
     fast = max(1.0, float(gammainccinv(1.0, _FAST * tol)))
-    # error of three nodes for the integral of exp(-t s) over s up to kappa / t, times the mass
-    # there
+    # three nodes replace the rates up to kappa / t: they err by left * kappa**3 times the weight of
+    # these rates, which is exp(mass) * kappa**a
     u = np.linspace(0.0, 1.0, 513)
     left = np.abs(np.prod(u[:, None] - _NODES, axis=1)).max() / math.factorial(SLOW_NODES)
     mass = np.log(h) - gammaln(a) - np.log(-np.expm1(-a * h))

@@ -76,10 +76,11 @@ def note_error(solution: Solution, stepper: FixedStepper, n_steps: int) -> None:
 def estimated_error(stepper: FixedStepper, n_steps: int) -> float | None:
     """Return the largest error after 40 steps, relative to the size of each component, or None.
 
-    The first companions have a tenth and a twentieth of the steps. Runs with a half and a third of
-    the steps replace them below 400 steps. They also do if the first companions are unstable, or
-    differ by more than the size of the solution. If no pair gives an estimate because one differs
-    so much, there is a warning.
+    The estimate is the difference of two companions, scaled. The first two companions have a tenth
+    and a twentieth of the steps. Two others, with a half and a third of the steps, are used if the
+    run has fewer than 400 steps. They are also used if one of the first two is unstable, or if
+    these differ by more than the size of the solution. If no pair gives an estimate because its
+    two runs differ as much, there is a warning.
     """
     unlike = ""
     for pair, fewest in ((_CHEAP, _FEWEST), (_CLOSE, _LEAST)):
