@@ -68,6 +68,18 @@ def test_wrong_entries_are_refused(problem, data, factor):
         equation(a, b, factors, y0)
 
 
+@pytest.mark.parametrize("size", [1e-3, 1 / 128, 1.0])
+@pytest.mark.parametrize("large", [2.0, 1e6])
+@pytest.mark.parametrize("factor", [-1.0, 0.0, 1.05])
+def test_a_wrong_entry_beside_a_large_component_is_refused(size, large, factor):
+    """Component 2 is 0; its unit follows from f_2, which is small, and f_0 has other sizes."""
+    a, b, factors = np.zeros((4, 4)), np.zeros((4, 4)), np.ones((4, 4))
+    a[0, 2], a[0, 3], a[2, 2], a[3, 3], b[2, 1] = 1, 1, 1, 1, 0.5
+    factors[0, 2] = factor
+    with pytest.raises(ValueError, match="in row 0, column 2"):
+        equation(a, b, factors, np.array([0.0, size, 0.0, large]))
+
+
 def test_a_transposed_one_and_a_missing_term_are_refused():
     def rotation(t, y):
         return np.array([y[1] - y[0] ** 3, -2.0 * y[0]])

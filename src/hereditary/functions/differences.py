@@ -112,7 +112,9 @@ def _deviation(
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray] | None:
     """Return which products are wrong, the given products and the differences, each (d, n).
 
-    Returns None if f or the Jacobian raises or is not finite. There are n directions.
+    Each product is judged by the step whose truncation and rounding errors are smallest in sum: the
+    steps of directions grow until rounding is not what limits the comparison. Returns None if f or
+    the Jacobian raises or is not finite. There are n directions.
 
     Parameters
     ----------
@@ -120,34 +122,62 @@ def _deviation(
         A step of a difference is proportional to a length times its direction.
     """
     entries = np.empty((y.size, y.size)) if structure is None else structure.entries.copy()
-    values, shifts = np.empty((2, 2, *directions.shape)), lengths[:, None] * directions
     try:
         if jac is None:
             jacobian_at(right_side(rhs, None, params, sparse=True), t, y, units, entries)
         else:
             jac(t, y.copy(), entries, params)
+    except Exception:  # y lies outside of the domain of the Jacobian
+        return None
+    given, sizes = entries, np.abs(entries)
+    if structure is not None:
+        with np.errstate(all="ignore"):
+            matrix = structure.matrix(entries[VALUES])
+            given, sizes = matrix @ directions.T, abs(matrix) @ np.abs(directions.T)
+    share = _OF_ENTRY if structure is None else _OF_DIFFERENCES if jac is None else _OF_GIVEN
+    found, least = np.zeros_like(given), np.full(given.shape, np.inf)
+    longest = np.abs(y).max() / np.abs(directions).max(axis=1)
+    for _ in range(_MOST_TRIALS):
+        values = _values(rhs, t, y, params, lengths[:, None] * directions)
+        if values is None:
+            break
+        with np.errstate(all="ignore"):
+            changes = (values[:, 0] - values[:, 1]).transpose(0, 2, 1)
+            far, near = changes / (2 * lengths * np.array(_STEPS)[:, None, None])
+        if not all(np.all(np.isfinite(a)) for a in (given, far, near)):
+            break
+        moduli = np.maximum(sizes, np.abs(near))
+        noise = 1e-14 * (np.abs(values).max(axis=(0, 1)).T / lengths + moduli) / _STEPS[1]
+        allowed = share * (moduli + 1e-3 * moduli.max(axis=1, keepdims=True))
+        error = allowed + 10 * np.abs(far - near) + noise
+        found, least = np.where(error < least, near, found), np.minimum(error, least)
+        longer = np.any(noise > allowed, axis=0) & (_APART * lengths <= longest)
+        if not longer.any():
+            break
+        lengths = np.where(longer, _APART * lengths, lengths)
+    if np.isinf(least).any():
+        return None
+    return np.abs(given - found) > least, given, found
+
+
+def _values(
+    rhs: Any, t: float, y: np.ndarray, params: np.ndarray, shifts: np.ndarray
+) -> np.ndarray | None:
+    """Return f beside y, (2, 2, n, d): for both steps above and below y; None if f raises.
+
+    The n shifts (n, d) are multiplied by the steps of the differences.
+    """
+    values = np.empty((2, 2, *shifts.shape))
+    try:
         for step, (above, below) in zip(_STEPS, values, strict=True):
             for up, down, shift in zip(above, below, step * shifts, strict=True):
                 rhs(t, y + shift, up, params)
                 rhs(t, y - shift, down, params)
                 if not np.isfinite(up - down).all():
                     extend(rhs, t, y, params, up, down)
-    except Exception:  # y lies outside of the domain of the functions
+    except Exception:  # y lies outside of the domain of f
         return None
-    given, sizes = entries, np.abs(entries)
-    with np.errstate(all="ignore"):
-        if structure is not None:
-            matrix = structure.matrix(entries[VALUES])
-            given, sizes = matrix @ directions.T, abs(matrix) @ np.abs(directions.T)
-        changes = (values[:, 0] - values[:, 1]).transpose(0, 2, 1)
-        far, near = changes / (2 * lengths * np.array(_STEPS)[:, None, None])
-    if not all(np.all(np.isfinite(a)) for a in (given, far, near)):
-        return None
-    sizes = np.maximum(sizes, np.abs(near))
-    noise = 1e-14 * (np.abs(values).max(axis=(0, 1)).T / lengths + sizes) / _STEPS[1]
-    share = _OF_ENTRY if structure is None else _OF_DIFFERENCES if jac is None else _OF_GIVEN
-    allowed = share * (sizes + 1e-3 * sizes.max(axis=1, keepdims=True))
-    return np.abs(given - near) > allowed + 10 * np.abs(far - near) + noise, given, near
+    return values
 
 
 def units_of(rhs: Any, params: np.ndarray, y0: np.ndarray) -> np.ndarray:
