@@ -11,6 +11,8 @@ from numba import njit
 
 import hereditary as hd
 
+pytestmark = pytest.mark.core
+
 PARAMS = (2.0, 0.5)
 
 

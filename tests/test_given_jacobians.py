@@ -8,6 +8,8 @@ from hypothesis.extra.numpy import arrays
 
 import hereditary as hd
 
+pytestmark = pytest.mark.rounding
+
 
 def quadratic(t, y, params):
     """f_i = sum_j a_ij y_j + b_ij y_j**2; params hold a, b and factors for the Jacobian."""

@@ -16,6 +16,8 @@ from hereditary.compiled.jit import F8, I8, as_value, compiled, inner
 from hereditary.functions import reads
 from hereditary.functions.reads import digest
 
+pytestmark = pytest.mark.core
+
 SOURCE = """
 import math
 import numpy as np

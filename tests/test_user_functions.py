@@ -9,6 +9,8 @@ from numba import njit
 
 import hereditary as hd
 
+pytestmark = pytest.mark.core
+
 TABLE = np.ones(5)
 SCHEMES = (hd.ExplicitCaputo(), hd.L1(), hd.Adams(), hd.Collocation())
 

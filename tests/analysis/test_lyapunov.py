@@ -10,6 +10,8 @@ from pymittagleffler import mittag_leffler
 
 import hereditary as hd
 
+pytestmark = pytest.mark.rounding
+
 DIRECT = hd.Direct()
 HISTORIES = [DIRECT, hd.FFT(), hd.SumOfExponentials()]
 EXPLICIT = hd.ExplicitCaputo()

@@ -12,6 +12,8 @@ from hereditary.compiled.linalg import (
 )
 from hereditary.compiled.signatures import FACTORISE, SUBSTITUTE, LinearSolver
 
+pytestmark = pytest.mark.core
+
 
 def solved(a, order, b, x):
     n = b.size

@@ -13,6 +13,8 @@ from numba.core.runtime import _nrt_python, rtsys
 
 import hereditary as hd
 
+pytestmark = pytest.mark.core
+
 MANY, ORDERS = np.linspace(0.5, 1.0, 12), np.linspace(0.6, 0.9, 12)
 # Its rates are complex.
 SWINGING = hd.Prony([1.0 - 3.0j, 1.0 + 3.0j], [0.5, 0.5])

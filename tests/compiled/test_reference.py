@@ -23,6 +23,8 @@ from hereditary.compiled.records import record
 from hereditary.compiled.reference import Filled, FunctionField, Reference, by_reference
 from hereditary.given.signatures import MARCH_COUNTS, Counts
 
+pytestmark = pytest.mark.core
+
 
 class Room(NamedTuple):
     before: Vector

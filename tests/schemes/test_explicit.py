@@ -7,6 +7,8 @@ from scipy.special import rgamma
 
 import hereditary as hd
 
+pytestmark = pytest.mark.core
+
 SCHEME = hd.ExplicitCaputo()
 
 

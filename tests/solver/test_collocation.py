@@ -18,6 +18,8 @@ from scipy.special import gamma, rgamma
 import hereditary as hd
 from hereditary import exact
 
+pytestmark = pytest.mark.core
+
 
 def predators(t, y, dy, p):
     dy[0] = y[0] * (1.0 - y[1])

@@ -41,8 +41,10 @@ from hereditary.stepping.stepper import (
     TangentStepper,
 )
 
+pytestmark = pytest.mark.rounding
+
 H, RATE = 0.01, 2.0
-# Rounding errors of 2,000 steps, which add up like their square root; largest one of a step 2.2e-16.
+# Rounding errors of 2,000 steps, each at most 2.2e-16, which add up like their square root.
 ROUNDING_OF_STEPS = 1e-14
 FACTOR = 1 - H * RATE
 
@@ -257,7 +259,7 @@ def test_the_loop_says_that_tangents_are_lost(value):
     ("scheme", "scene"), ORBITS, ids=lambda v: repr(v) if v in FIRST_ORDER else ""
 )
 def test_the_compiled_loop_is_the_loop_that_is_read(scheme, scene):
-    """They agree as well as the problem lets them: a tangent that turns is sensitive to rounding."""
+    """They agree as well as the problem lets them, whose tangents amplify rounding errors."""
     equation, history, h = scene(), hd.SumOfExponentials(), 0.01
     directions = np.eye(equation.y0.size)[:, :2]
     how = {"scheme": scheme, "directions": directions, "transient": 0.5, "renorm": 0.3}

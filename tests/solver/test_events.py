@@ -11,6 +11,8 @@ from scipy.optimize import brentq
 
 import hereditary as hd
 
+pytestmark = pytest.mark.core
+
 SWING = hd.scenes.oscillator(beta=2.0, gamma=1.0, friction=0.0)  # x = cos t
 PRECISE = {"rtol": 1e-12}
 

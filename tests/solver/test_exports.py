@@ -5,6 +5,8 @@ import pytest
 
 import hereditary as hd
 
+pytestmark = pytest.mark.core
+
 
 def crossing(t, y):
     return y[0] - 0.5

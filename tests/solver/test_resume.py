@@ -9,6 +9,8 @@ import pytest
 
 import hereditary as hd
 
+pytestmark = pytest.mark.core
+
 WAYS = [({"n_steps": 100}, hd.L1()), ({"rtol": 1e-8}, hd.Collocation())]
 
 

@@ -13,6 +13,8 @@ from problems import PROBLEMS
 
 import hereditary as hd
 
+pytestmark = pytest.mark.core
+
 HISTORIES = [hd.Direct(), hd.FFT(), hd.SumOfExponentials()]
 
 
