@@ -10,7 +10,6 @@ import shutil
 import subprocess
 import sys
 import tempfile
-import warnings
 from pathlib import Path
 
 from setuptools import setup
@@ -27,35 +26,47 @@ BASELINES = {
     "arm64": ("generic", ""),
 }
 MACHINES = {"amd64": "x86_64", "aarch64": "arm64"}
+# First line of a reason, before what the compiler said.
+FAILED = "its compilation failed at installation\n"
 COMPILE = "import sys; from hereditary import precompile; precompile.precompile_into(sys.argv[1])"
 
 
 class BuildWithCode(build_py):
-    """Add the folder `machine_code` to the package."""
+    """Add the folder `machine_code` to the package: the code, or the reason why there is none."""
 
     def run(self):
         super().run()
-        if self.editable_mode or KIND == "plain":
+        if self.editable_mode:
             return
         code = Path(self.build_lib, "hereditary", "machine_code").resolve()
-        shutil.rmtree(code, ignore_errors=True)  # of an earlier build
         code.mkdir()
-        try:
-            with tempfile.TemporaryDirectory() as elsewhere:
-                how = {"env": self.environment(), "cwd": elsewhere}
-                subprocess.run([sys.executable, "-c", COMPILE, code], **how, check=True)
-        except Exception as error:  # numba may fail in any way
+        reason = "HEREDITARY_BUILD=plain left it out"
+        if KIND != "plain":
+            try:
+                reason = self.compile_into(code)
+            except Exception as error:  # numba may fail in any way
+                reason = FAILED + str(error)
+        if reason:
             shutil.rmtree(code)
-            warnings.warn(
-                f"hereditary is installed without machine code, whose compilation failed ({error})",
-                stacklevel=1,
-            )
+            code.mkdir()
+            (code / "none.txt").write_text(reason + "\n", encoding="utf-8")
+            sys.stderr.write(f"hereditary is built without machine code: {reason}\n")
+
+    def compile_into(self, code):
+        """Compile the package that was built; return the reason of a failure, or ""."""
+        with tempfile.TemporaryDirectory() as elsewhere:
+            how = {"env": self.environment(), "cwd": elsewhere, "stderr": subprocess.PIPE}
+            command = [sys.executable, "-c", COMPILE, code]
+            done = subprocess.run(command, **how, text=True, errors="replace", check=False)
+        sys.stderr.write(done.stderr)
+        said = done.stderr.strip() or f"the compiler ended with {done.returncode}"
+        return FAILED + said[-4000:] if done.returncode else ""
 
     def environment(self):
         """Return the environment of the compilation, which imports the package that was built."""
         self.run_command("egg_info")  # the package reads its version there
         folders = self.build_lib, self.get_finalized_command("egg_info").egg_base
-        paths = [*map(os.path.abspath, folders), *filter(None, sys.path)]
+        paths = [*map(os.path.abspath, folders), *filter(None, [os.environ.get("PYTHONPATH")])]
         found = os.environ | {"PYTHONPATH": os.pathsep.join(paths)}
         if KIND == "baseline":
             machine = platform.machine().lower()
@@ -71,4 +82,7 @@ class WithCode(Distribution):
         return KIND != "plain"
 
 
-setup(cmdclass={"build_py": BuildWithCode}, distclass=WithCode)
+# A build has folders of its own, which no other build of this clone has used or uses.
+with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as made:
+    own = {"build": {"build_base": made}, "egg_info": {"egg_base": made}}
+    setup(cmdclass={"build_py": BuildWithCode}, distclass=WithCode, options=own)

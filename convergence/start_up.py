@@ -20,7 +20,7 @@ from pathlib import Path
 import numpy as np
 from _study import Claim, bars, study
 
-from hereditary.compiled.cache import SHIPPED
+from hereditary.compiled.cache import SHIPPED, shipped_target
 
 CODE = """
 import time
@@ -120,7 +120,7 @@ def measure(quick):
         medians = [statistics.median(column) for column in zip(*runs[1:], strict=True)]
         for stage, cold, warm in zip(STAGES, runs[0], medians, strict=True):
             yield row(stage, f"{cold:.3f}", f"{warm:.3f}")
-        for name, how in INSTALLED.items() if SHIPPED.is_dir() else ():
+        for name, how in () if shipped_target()[1] else INSTALLED.items():
             seconds, n_compiled = first_use(how, bytecode)
             yield row(f"first result, {name}", f"{seconds:.2f}", compiled=n_compiled)
         ignored = shutil.ignore_patterns("__pycache__", SHIPPED.name)

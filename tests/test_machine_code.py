@@ -4,9 +4,11 @@ import ast
 import json
 import os
 import pickle
+import re
 import shutil
 import subprocess
 import sys
+import zipfile
 from io import BytesIO
 from pathlib import Path
 
@@ -188,7 +190,8 @@ def test_linked_helpers_belong_to_each_loop_and_raise_there(package, tmp_path):
     (package / "linked.py").write_text(LINKED)
     call = [sys.executable, "-c", "from hereditary import linked; linked.print_all()"]
     environment = {"NUMBA_CACHE_DIR": str(tmp_path / "cache"), "PYTHONPATH": str(package.parent)}
-    told = "hereditary: compiling the sum, once on this machine ...\n"
+    told = "hereditary: compiling the sum, once on this machine (no installed code is used: "
+    told += "this is an editable installation, or a folder of sources) ...\n"
     for message in (told, ""):
         done = subprocess.run(
             call,
@@ -276,13 +279,25 @@ def run_tiny(package, cache, **more):
 
 def targets(package):
     """Return the file of the target, and what it says."""
-    file = package / SHIPPED.name / "made_for.json"
+    file = targets_file(package)
     return file, json.loads(file.read_text())
 
 
+def targets_file(package):
+    return package / SHIPPED.name / "made_for.json"
+
+
 CARRIED = "7.0 1 0 4.0 1 0", ""
-TOLD = "hereditary: compiling it, once on this machine ...\n"
-COMPILED = "7.0 0 1 4.0 0 1", TOLD * 2
+COMPILED = "7.0 0 1 4.0 0 1"
+
+
+def told(reason):
+    """Return what a process tells that compiles both functions of `tiny` for a reason."""
+    once = "hereditary: compiling it, once on this machine"
+    return f"{once} (no installed code is used: {reason}) ...\n" * 2
+
+
+OTHER = "it is for other sources or options"
 
 
 @compiled
@@ -310,20 +325,19 @@ def test_code_comes_with_the_package_which_is_only_read(carried, tmp_path):
 
 @compiled
 @pytest.mark.parametrize(
-    "other",
+    ("other", "reason"),
     [
-        {"numba": "0.1.0"},
-        {"system": "riscv64-unknown-linux-gnu"},
-        {"features": "+avx2,+a-feature-of-no-processor"},
-        {"processor": 1, "number": 2},
+        ({"numba": "0.1.0"}, "numba 0.1.0, and this is {numba}"),
+        ({"python": "cpython-210"}, "cpython-210, and this is {python}"),
+        ({"system": "riscv64-linux"}, "riscv64-linux, and this is {system}"),
+        ({"features": "+none"}, "processors with +none, and this is {processor}"),
     ],
-    ids=str,
 )
-def test_code_for_another_target_is_left_alone(other, carried, tmp_path):
+def test_code_for_another_target_is_left_alone(other, reason, carried, tmp_path):
     file, target = targets(carried)
     file.write_text(json.dumps(target | other))
     cache = tmp_path / "cache"
-    assert run_tiny(carried, cache) == COMPILED
+    assert run_tiny(carried, cache) == (COMPILED, told("it is for " + reason.format(**target)))
     assert run_tiny(carried, cache) == CARRIED  # now from the user's cache
     assert len(list(cache.rglob("*tiny.*.nbc"))) == 3
 
@@ -331,8 +345,29 @@ def test_code_for_another_target_is_left_alone(other, carried, tmp_path):
 @compiled
 def test_a_processor_that_the_user_chose_is_not_ignored(carried, tmp_path):
     how = {"NUMBA_CPU_NAME": "generic", "NUMBA_CPU_FEATURES": ""}
-    assert run_tiny(carried, tmp_path / "cache", **how) == COMPILED
-    assert run_tiny(carried, tmp_path / "cache", NUMBA_BOUNDSCHECK="1") == COMPILED
+    reason = f"it is for {targets(carried)[1]['processor']}, and this is NUMBA_CPU_NAME=generic"
+    assert run_tiny(carried, tmp_path / "cache", **how) == (COMPILED, told(reason))
+    how = {"NUMBA_BOUNDSCHECK": "1"}
+    assert run_tiny(carried, tmp_path / "cache", **how) == (COMPILED, told(OTHER))
+
+
+@compiled
+@pytest.mark.parametrize(
+    ("written", "reason"),
+    [
+        ("HEREDITARY_BUILD=plain left it out\n", "HEREDITARY_BUILD=plain left it out"),
+        ("its compilation failed\nMemoryError\n", "its compilation failed, see {}"),
+    ],
+)
+def test_an_installation_without_code_says_so(written, reason, package, tmp_path):
+    (package / "tiny.py").write_text(TINY.replace("@entry(F8)", "@entry(F8, announced='it')"))
+    (package / "compiled" / "limit.py").write_text("LIMIT = 1.0")
+    (package / SHIPPED.name).mkdir()
+    (package / SHIPPED.name / "none.txt").write_text(written)
+    expected = told(reason.format("python -m hereditary --version"))
+    assert run_tiny(package, tmp_path / "cache") == (COMPILED, expected)
+    ask = "from hereditary.compiled.cache import shipped_target; print(shipped_target())"
+    assert python(ask, tmp_path / "cache", package.parent) == str((None, written.strip()))
 
 
 @compiled
@@ -343,7 +378,8 @@ def test_a_processor_that_the_user_chose_is_not_ignored(carried, tmp_path):
 def test_damaged_files_beside_the_package_cost_a_compilation(damage, ending, carried, tmp_path):
     for path in (carried / SHIPPED.name).glob(f"*.{ending}"):
         path.write_bytes(damage(path.read_bytes()))
-    assert run_tiny(carried, tmp_path / "cache") == COMPILED
+    reason = f"{targets_file(carried)} is missing or damaged" if ending == "json" else OTHER
+    assert run_tiny(carried, tmp_path / "cache") == (COMPILED, told(reason))
 
 
 @compiled
@@ -355,24 +391,62 @@ def test_files_of_other_functions_cost_a_compilation(ending, carried, tmp_path):
     assert len(files) == 3
     for path, other in zip(files, kept[1:] + kept[:1], strict=True):
         path.write_bytes(other)
-    assert run_tiny(carried, tmp_path / "cache") == COMPILED
+    assert run_tiny(carried, tmp_path / "cache") == (COMPILED, told(OTHER))
 
 
 @compiled
 def test_code_of_other_sources_is_left_alone(carried, tmp_path):
     append(carried / "tiny.py")
-    assert run_tiny(carried, tmp_path / "cache") == COMPILED
+    assert run_tiny(carried, tmp_path / "cache") == (COMPILED, told(OTHER))
 
 
 def test_what_code_needs_of_a_processor():
-    host = Target("0.68.1", "x86_64-linux", "znver5", "+avx,+avx2,-avx512f,+fma")
+    host = Target("0.68.1", "x86_64-linux", "znver5", "+avx,+avx2,-avx512f,+fma", "cpython-311")
     baseline = host._replace(processor="x86-64-v3", features="+avx,+avx2")
-    assert host.fits(host)
-    assert baseline.fits(host)
-    assert not host.fits(baseline)
+    fitting = baseline._replace(numba="0.68.0", features="")
+    assert [each.misfit(host) for each in (host, baseline, fitting)] == [""] * 3
+    assert "+fma" in host.misfit(baseline)
     for other in ({"numba": "0.67.1"}, {"system": "x86_64-windows"}, {"features": "+avx512f"}):
-        assert not baseline._replace(**other).fits(host)
-    assert baseline._replace(numba="0.68.0", features="").fits(host)
+        assert baseline._replace(**other).misfit(host)
+
+
+BUILD = "import sys, setuptools.build_meta as build; build.build_wheel(sys.argv[1])"
+# How the package is built, and what is said of its code, where its compilation fails.
+REASONS = {
+    "": "its compilation failed at installation\nTraceback .*MemoryError: on purpose\n",
+    "plain": "HEREDITARY_BUILD=plain left it out\n",
+}
+
+
+@compiled
+def test_builds_of_one_clone_do_not_meet_and_say_why_they_have_no_code(tmp_path):
+    """Nor do they use what earlier ones left, here files in place of folders."""
+    pytest.importorskip("setuptools", minversion="77", reason="what pyproject.toml asks for")
+    clone, root = tmp_path / "clone", Path(__file__).parents[1]
+    shutil.copytree(root / "src", clone / "src", ignore=shutil.ignore_patterns("*.egg-info"))
+    for name in "setup.py", "pyproject.toml", "README.md", "LICENSE":
+        shutil.copy(root / name, clone)
+    for left in "build", "src/hereditary.egg-info":
+        (clone / left).write_text("")
+    broken = clone / "src" / "hereditary" / "precompile.py"
+    broken.write_text(f"raise MemoryError('on purpose')\n{broken.read_text()}")
+    builds = {}
+    for kind in REASONS:
+        with (tmp_path / f"said {kind}").open("w") as said:
+            builds[kind] = subprocess.Popen(
+                [sys.executable, "-c", BUILD, str(tmp_path / f"wheel {kind}")],
+                cwd=clone,
+                env=os.environ | {"HEREDITARY_BUILD": kind},
+                stdout=said,
+                stderr=subprocess.STDOUT,
+            )
+    for kind, build in builds.items():
+        assert build.wait() == 0, (tmp_path / f"said {kind}").read_text()
+        (wheel,) = (tmp_path / f"wheel {kind}").glob("*.whl")
+        with zipfile.ZipFile(wheel) as content:
+            carried = [name for name in content.namelist() if SHIPPED.name in name]
+            assert carried == [f"hereditary/{SHIPPED.name}/none.txt"]
+            assert re.fullmatch(REASONS[kind], content.read(carried[0]).decode(), re.DOTALL)
 
 
 MISSING = """

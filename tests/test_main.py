@@ -2,8 +2,11 @@
 
 import pytest
 
-import hereditary
+import hereditary as hd
 from hereditary.__main__ import main
+from hereditary.compiled.cache import Target
+
+TARGET = Target("0.68.1", "x86_64-linux", "znver5", "+avx2", "cpython-311")
 
 
 def test_main_job(tmp_path, capsys):
@@ -18,10 +21,27 @@ def test_main_job(tmp_path, capsys):
     assert out.stat().st_size > 10_000
 
 
-def test_version(capsys):
-    with pytest.raises(SystemExit, match="0"):
-        main(["--version"])
-    assert capsys.readouterr().out == f"hereditary {hereditary.__version__}\n"
+@pytest.mark.parametrize(
+    ("target", "reason", "told"),
+    [
+        (
+            None,
+            "its compilation failed\nMemoryError",
+            ["none", "its compilation failed", "MemoryError"],
+        ),
+        (TARGET, "it is for cpython-310", ["none", "it is for cpython-310"]),
+        (TARGET, "", ["installed", "numba 0.68.1", "znver5"]),
+    ],
+)
+def test_the_version_says_whether_machine_code_was_installed(
+    target, reason, told, monkeypatch, capsys
+):
+    monkeypatch.setattr("hereditary.__main__.shipped_target", lambda: (target, reason))
+    assert main(["--version"]) == 0
+    first, second = capsys.readouterr().out.split("\n", 1)
+    assert first == f"hereditary {hd.__version__}"
+    assert second.startswith(f"machine code: {told[0]}")
+    assert all(word in second for word in told)
 
 
 def test_everything_is_compiled_ahead(capsys):

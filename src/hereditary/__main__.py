@@ -17,6 +17,7 @@ from matplotlib.backend_bases import FigureCanvasBase
 import hereditary as hd
 
 from . import plots
+from .compiled.cache import shipped_target
 from .paper.command import run_paper as paper
 from .precompile import precompile
 from .scenes import stick_slip, sticking_intervals
@@ -48,6 +49,9 @@ def main(argv: Sequence[str] | None = None) -> int:
         print(f"compiled: {precompile()} runs are ready")
         return 0
     arguments = _parser().parse_args(argv)
+    if arguments.version:
+        print(_version())
+        return 0
     parameters = {name: getattr(arguments, name) for name in _PARAMETERS}
     try:
         _check_out(arguments.out)
@@ -69,6 +73,14 @@ def main(argv: Sequence[str] | None = None) -> int:
     return 0 if solution.success else 1
 
 
+def _version() -> str:
+    """Return the version, and whether the installation has machine code that fits, or why not."""
+    target, reason = shipped_target()
+    code = f"installed, for numba {target.numba} and {target.processor}" if target else ""
+    code = f"none, first runs compile: {reason}" if reason else code
+    return f"hereditary {hd.__version__}\nmachine code: {code}"
+
+
 def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
         prog="python -m hereditary",
@@ -81,7 +93,8 @@ def _parser() -> argparse.ArgumentParser:
     for name, text in _PARAMETERS.items():
         flag = "--" + name.replace("_", "-")
         parser.add_argument(flag, type=float, default=defaults[name].default, help=text)
-    parser.add_argument("--version", action="version", version=f"hereditary {hd.__version__}")
+    about = "print the version, and whether machine code came with it"
+    parser.add_argument("--version", action="store_true", help=about)
     parser.add_argument("--t-end", type=float, default=100.0, help="end of the run")
     parser.add_argument("--n-steps", type=int, default=200_000, help="number of steps")
     parser.add_argument("--tol", type=float, default=1e-10, help="tolerance of the memory kernels")

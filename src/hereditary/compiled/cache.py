@@ -17,37 +17,52 @@ from .numba_internals import CHOSEN_PROCESSOR, STORED, Entries, Shipped, process
 SHIPPED = Path(__file__).parent.parent / "machine_code"
 # Name of the file in that folder that states the target of the code, as JSON.
 _MADE_FOR = "made_for.json"
+# Name of the file that the installation puts in its place if there is no code: a line with the
+# reason, then what the compiler said.
+_NO_CODE = "none.txt"
 
 
 class Target(NamedTuple):
-    """Target of machine code: numba's version, and the system and processor as LLVM names them.
+    """Target of machine code: versions of numba and Python, and the system and processor.
 
-    `features` are those of the processor, such as "+avx2,-avx512f".
+    The system and the processor have LLVM's names. `features` are those of the processor, such as
+    "+avx2,-avx512f".
     """
 
     numba: str
     system: str
     processor: str
     features: str
+    python: str
 
-    def fits(self, host):
-        """Return whether code that is made for this target runs on a host, which is a target too.
+    def misfit(self, host: "Target") -> str:
+        """Return why code for this target does not run on a host, a target too; "" if it does.
 
         Code fits any version of numba with the same first two numbers. If the user chose a
         processor for numba, the code must be made for that processor.
         """
-        needed = {name for name in self.features.split(",") if name.startswith("+")}
-        return (
-            self.numba.split(".")[:2] == host.numba.split(".")[:2]
-            and self.system == host.system
-            and CHOSEN_PROCESSOR in (None, self.processor)
-            and needed <= {*host.features.split(",")}
-        )
+        lacking = {name for name in self.features.split(",") if name.startswith("+")}
+        lacking -= {*host.features.split(",")}
+        chosen = self.processor if CHOSEN_PROCESSOR is None else CHOSEN_PROCESSOR
+        for fits, own, others in (
+            (_minor(self.numba) == _minor(host.numba), f"numba {self.numba}", host.numba),
+            (self.python == host.python, self.python, host.python),
+            (self.system == host.system, self.system, host.system),
+            (chosen == self.processor, self.processor, f"NUMBA_CPU_NAME={chosen}"),
+            (not lacking, f"processors with {' '.join(sorted(lacking))}", host.processor),
+        ):
+            if not fits:
+                return f"it is for {own}, and this is {others}"
+        return ""
+
+
+def _minor(version: str) -> list[str]:
+    return version.split(".")[:2]
 
 
 def _target_here():
     """Return the target of numba's compilation in this process."""
-    return Target(numba.__version__, *processor())
+    return Target(numba.__version__, *processor(), str(sys.implementation.cache_tag))
 
 
 def note_target(folder):
@@ -55,14 +70,30 @@ def note_target(folder):
     Path(folder, _MADE_FOR).write_text(json.dumps(_target_here()._asdict(), indent=1))
 
 
+def shipped_target() -> tuple[Target | None, str]:
+    """Return the target of the shipped machine code, and why this process cannot use that code.
+
+    The target is None if there is no code. The reason is "" if the code can be used. Its first line
+    says it all; what the compiler of a failed installation said follows.
+    """
+    if not STORED:
+        return None, "numba is not to store code, or lacks what the library needs for that"
+    if not SHIPPED.is_dir():
+        return None, "this is an editable installation, or a folder of sources"
+    try:
+        if (SHIPPED / _NO_CODE).exists():
+            return None, (SHIPPED / _NO_CODE).read_text(encoding="utf-8").strip()
+        target = Target(**json.loads((SHIPPED / _MADE_FOR).read_text()))
+        return target, target.misfit(_target_here())
+    except Exception:  # the file may be damaged, or of another version
+        return None, f"{SHIPPED / _MADE_FOR} is missing or damaged"
+
+
 @cache
 def _shipped_for():
     """Return the target of the shipped machine code; None if none fits this process."""
-    try:
-        target = Target(**json.loads((SHIPPED / _MADE_FOR).read_text()))
-        return target if target.fits(_target_here()) else None
-    except Exception:  # the file may be damaged, or of another version
-        return None
+    target, reason = shipped_target()
+    return None if reason else target
 
 
 @cache
@@ -120,8 +151,14 @@ class CodeCache:
         found = self._load_shipped(sig, target_context) or self._load_own(sig, target_context)
         if found is None and self._announced and sys.stderr is not None:
             once = ", once on this machine" if self._entries is not None else ""
+            reason, _, more = shipped_target()[1].partition("\n")
+            reason = reason or "it is for other sources or options"
+            reason += ", see python -m hereditary --version" if more else ""
             with suppress(OSError, ValueError):  # the stream may be closed
-                sys.stderr.write(f"hereditary: compiling {self._announced}{once} ...\n")
+                sys.stderr.write(
+                    f"hereditary: compiling {self._announced}{once} "
+                    f"(no installed code is used: {reason}) ...\n"
+                )
         return found
 
     def _load_shipped(self, sig, context):
@@ -129,7 +166,7 @@ class CodeCache:
         target = _shipped_for() if self._stored else None
         if target is not None:
             with suppress(Exception):  # a damaged entry may raise anything
-                how = self._options, self._stamp, target.numba, tuple(target[1:])
+                how = self._options, self._stamp, target.numba, tuple(target[1:4])
                 return Shipped(SHIPPED, self._fun, *how).load_overload(sig, context)
         return None
 
