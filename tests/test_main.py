@@ -1,24 +1,46 @@
 """The command line."""
 
+from pathlib import Path
+
+import numpy as np
 import pytest
 
 import hereditary as hd
-from hereditary.__main__ import main
+from hereditary.__main__ import _parser, main
 from hereditary.compiled.cache import Target
 
 TARGET = Target("0.68.1", "x86_64-linux", "znver5", "+avx2", "cpython-311")
 
 
+def printed(text, label):
+    """Return what the command line prints behind a label."""
+    return next(line.removeprefix(label) for line in text.splitlines() if line.startswith(label))
+
+
 def test_main_job(tmp_path, capsys):
     out = tmp_path / "figure.png"
     assert main(["--n-steps", "20000", "--out", str(out)]) == 0
-    printed = capsys.readouterr().out
-    assert "beta 1.8, gamma 0.8" in printed
-    assert "20000 to t = 100" in printed
-    assert "56 modes, 896 bytes" in printed
-    assert "sticking        0.00 .. 45." in printed
-    assert "error estimate" in printed
+    text = capsys.readouterr().out
+    assert "beta 1.8, gamma 0.8" in text
+    assert "20000 steps to t = 100" in printed(text, "explicit")
+    assert "56 modes, 896 bytes" in text
+    assert "sticking        0.00 .. 45." in text
+    assert printed(text, "figure").strip() == str(out)
     assert out.stat().st_size > 10_000
+    # the run by a tolerance comes first, and the explicit run is measured by it
+    assert text.index("by tolerance") < text.index("explicit")
+    told = float(printed(text, "error estimate").split()[0])
+    sol, exact = (hd.solve(hd.scenes.stick_slip(), 100.0, rtol=rtol) for rtol in (1e-8, 1e-11))
+    assert np.abs(sol(exact.t) - exact.y).max() < told * np.abs(exact.y).max()
+    explicit = hd.solve(hd.scenes.stick_slip(), 100.0, 20000, estimate=False)
+    apart = np.abs(explicit.y - exact(explicit.t)).max() / np.abs(exact.y).max()
+    # two digits are printed
+    assert float(printed(text, "difference").split()[0]) == pytest.approx(apart, rel=0.06)
+
+
+def test_git_does_not_see_the_figure_of_the_demonstration_in_a_clone():
+    ignored = (Path(__file__).parents[1] / ".gitignore").read_text().splitlines()
+    assert f"/{_parser().get_default('out')}" in ignored
 
 
 @pytest.mark.parametrize(
@@ -52,12 +74,12 @@ def test_everything_is_compiled_ahead(capsys):
 def test_flags_change_the_parameters(tmp_path, capsys):
     out = str(tmp_path / "figure.pdf")
     flags = ["--beta", "2", "--gamma", "1", "--adhesion", "7", "--t-end", "5", "--n-steps", "501"]
-    assert main([*flags, "--out", out]) == 0
-    printed = capsys.readouterr().out
-    assert "beta 2, gamma 1" in printed
-    assert "adhesion 7" in printed
-    assert "0 modes" in printed
-    assert "needs an even number" in printed
+    assert main([*flags, "--rtol", "1e-4", "--out", out]) == 0
+    text = capsys.readouterr().out
+    assert "beta 2, gamma 1" in text
+    assert "adhesion 7" in text
+    assert "0 modes" in text
+    assert float(printed(text, "error estimate").split()[0]) <= 1e-4
 
 
 @pytest.mark.parametrize(
@@ -65,6 +87,7 @@ def test_flags_change_the_parameters(tmp_path, capsys):
     [
         (["--beta", "2.5"], "beta must lie in (1, 2], got 2.5"),
         (["--n-steps", "0"], "n_steps must"),
+        (["--rtol", "0"], "rtol must"),
         (["--out", "missing/figure.png"], "--out must lie in a folder that exists"),
         (["--out", "figure.foo"], "--out must end in one of"),
     ],
@@ -75,8 +98,12 @@ def test_bad_flags_are_told(flags, match, tmp_path, capsys):
     assert not (tmp_path / "none.png").exists()
 
 
-def test_an_unstable_half_step_run_gives_no_estimate(tmp_path, capsys):
+def test_a_run_that_fails_is_no_measure(tmp_path, capsys):
+    """With 1,000 steps the explicit scheme is unstable here."""
     flags = ["--omega", "100", "--beta", "2", "--gamma", "1", "--adhesion", "0"]
-    flags += ["--t-end", "30", "--n-steps", "2600"]
-    assert main([*flags, "--out", str(tmp_path / "figure.png")]) == 0
-    assert "error estimate  none (with half the steps" in capsys.readouterr().out
+    flags += ["--t-end", "30", "--n-steps", "1000"]
+    with pytest.warns(hd.SolveWarning):
+        assert main([*flags, "--out", str(tmp_path / "figure.png")]) == 1
+    text = capsys.readouterr().out
+    assert "reached the end" in printed(text, "by tolerance")
+    assert "none" in printed(text, "difference")
