@@ -503,5 +503,6 @@ print(interrupted, hd.solve(equation, 10.0, 100).success)
 
 
 @compiled
+@pytest.mark.usefixtures("ctrl_c")
 def test_interrupting_a_compilation_leaves_the_process_whole(package, tmp_path):
     assert python(INTERRUPTED, tmp_path, package.parent) == "3 True"

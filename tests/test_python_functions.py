@@ -388,6 +388,7 @@ def test_sweeps_take_such_functions():
 
 
 @pytest.mark.skipif(os.name == "nt", reason="no signals to send")
+@pytest.mark.usefixtures("ctrl_c")
 def test_ctrl_c_ends_a_run_and_keeps_its_rows():
     class Interrupts:
         calls = 0

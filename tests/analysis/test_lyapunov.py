@@ -425,6 +425,7 @@ def test_too_long_an_interval_is_told():
     assert "shorten renorm" in result.message
 
 
+@pytest.mark.usefixtures("ctrl_c")
 def test_interrupted_run_keeps_its_record():
     equation = hd.scenes.stick_slip()
     previous = signal.signal(signal.SIGALRM, lambda *_: signal.raise_signal(signal.SIGINT))

@@ -114,6 +114,7 @@ def stop_in_the_middle(code, store, number):
     ],
     ids=["killed", "interrupted with its workers"],
 )
+@pytest.mark.usefixtures("ctrl_c")
 def test_a_stopped_sweep_goes_on(code, number, printed, tmp_path):
     store = tmp_path / "points"
     assert stop_in_the_middle(code, store, number) == printed

@@ -250,6 +250,7 @@ def interrupt(seconds=0.0):
     os.kill(os.getpid(), signal.SIGINT)
 
 
+@pytest.mark.usefixtures("ctrl_c")
 def test_ctrl_c_keeps_what_was_computed(tmp_path):
     def point(a):
         if a == 5:
@@ -272,6 +273,7 @@ def test_ctrl_c_keeps_what_was_computed(tmp_path):
     assert not set(called) & set(np.flatnonzero(table.success).tolist())
 
 
+@pytest.mark.usefixtures("ctrl_c")
 def test_a_second_ctrl_c_raises(no_collection):
     def point(a):
         if a == 2:
@@ -285,6 +287,7 @@ def test_a_second_ctrl_c_raises(no_collection):
     assert time.perf_counter() - began < 10
 
 
+@pytest.mark.usefixtures("ctrl_c")
 def test_ctrl_c_that_comes_too_late_is_not_swallowed(no_collection):
     with pytest.raises(KeyboardInterrupt):
         hd.sweep(lambda a: interrupt(), {"a": [1.0]})

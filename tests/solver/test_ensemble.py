@@ -159,6 +159,7 @@ def test_a_tolerance_instead_of_steps():
     assert np.abs(ends.y[:, 1] - found.y[:, 2]).max() < 1e-8
 
 
+@pytest.mark.usefixtures("ctrl_c")
 def test_ctrl_c_leaves_the_members_that_are_left():
     equation = hd.Equation(hd.Caputo(0.8), decay, 1.0, [1.0])
     hd.ensemble(equation, 1.0, 100, params=[1.0])  # compiled: the interrupt shall meet the run

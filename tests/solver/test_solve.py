@@ -103,6 +103,7 @@ def raises_after(t, y, p):
     return -y
 
 
+@pytest.mark.usefixtures("ctrl_c")
 def test_ctrl_c_keeps_what_was_computed_and_can_be_resumed():
     equation = hd.scenes.stick_slip()
     hd.solve(equation, 1.0, 100)  # compiled: the interrupt shall meet the run
@@ -126,6 +127,7 @@ def takes_long(t, y):
     return -y + 1e-9 * total
 
 
+@pytest.mark.usefixtures("ctrl_c")
 def test_a_slow_right_hand_side_does_not_keep_ctrl_c_waiting():
     """It takes milliseconds a step: thousands of steps would be half a minute."""
     slow = hd.Equation(hd.Caputo(0.5), takes_long, 1.0)
