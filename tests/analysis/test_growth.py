@@ -28,6 +28,15 @@ def test_a_power_has_its_exponent_as_algebraic_slope(power, offset):
     assert found.verdicts == (Verdict.ALGEBRAIC_DECAY,)
 
 
+def test_a_window_with_one_time_is_undetermined():
+    """Renormalisations that lie twice as far apart each time leave it to an interrupted run."""
+    times = 2.0 ** np.arange(1, 6)
+    found = assess(times, times[:, None], 0.4, 20, "all")
+    assert found.slope[0] == pytest.approx(1.0)
+    assert np.isnan(found.algebraic_slope[0])
+    assert found.verdicts == (Verdict.UNDETERMINED,)
+
+
 def noise(seed, correlation=0.0):
     """Increments of unit variance, each depending on the one before."""
     fresh = np.random.default_rng(seed).normal(size=TIMES.size)

@@ -90,7 +90,12 @@ def _block_slope(edges: np.ndarray, values: np.ndarray) -> tuple[float, float]:
 
 
 def _power(times: np.ndarray, values: np.ndarray) -> np.ndarray:
-    """Return least-squares slopes of `values` (n, k) against the logarithm of time."""
+    """Return least-squares slopes (k,) of `values` (n, k) against the logarithm of time.
+
+    They are NaN for one time, as in an interrupted run, whose renormalisations are far apart.
+    """
+    if times.size < 2:
+        return np.full(values.shape[1], np.nan)
     x = np.log(times)
     x = x - x.mean()
     return x @ (values - values.mean(axis=0)) / (x @ x)
