@@ -401,7 +401,7 @@ def test_code_of_other_sources_is_left_alone(carried, tmp_path):
 
 
 def test_what_code_needs_of_a_processor():
-    host = Target("0.68.1", "x86_64-linux", "znver5", "+avx,+avx2,-avx512f,+fma", "cpython-311")
+    host = Target("0.68.1", "cpython-311", "x86_64-linux", "znver5", "+avx,+avx2,-avx512f,+fma")
     baseline = host._replace(processor="x86-64-v3", features="+avx,+avx2")
     fitting = baseline._replace(numba="0.68.0", features="")
     assert [each.misfit(host) for each in (host, baseline, fitting)] == [""] * 3

@@ -1,15 +1,15 @@
 """The command line."""
 
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 import hereditary as hd
 from hereditary.__main__ import _parser, main
-from hereditary.compiled.cache import Target
 
-TARGET = Target("0.68.1", "x86_64-linux", "znver5", "+avx2", "cpython-311")
+TARGET = SimpleNamespace(numba="0.68.1", processor="znver5")
 
 
 def printed(text, label):

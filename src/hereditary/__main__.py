@@ -117,10 +117,10 @@ def _check_out(path: str) -> None:
 def _report(parameters: dict[str, float], accurate: hd.Solution, solution: hd.Solution) -> None:
     """Print the run by a tolerance, then that of the explicit scheme and how far it is from it."""
     stats, estimate = solution.stats, accurate.stats["error_estimate"]
-    told = "none" if estimate is None else f"{estimate:.1e} of the size of x"
+    error = "none" if estimate is None else f"{estimate:.1e} of the size of x"
     print("parameters      " + ", ".join(f"{k} {v:g}" for k, v in parameters.items()))
     print(f"by tolerance    {_counts(accurate)}: {accurate.message}")
-    print(f"error estimate  {told}")
+    print(f"error estimate  {error}")
     print(f"explicit        {_counts(solution)}: {solution.message}")
     print(f"memory          {stats['n_modes']} modes, {stats['history_bytes']} bytes")
     print(f"difference      {_difference(accurate, solution)}")

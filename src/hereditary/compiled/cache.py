@@ -30,10 +30,10 @@ class Target(NamedTuple):
     """
 
     numba: str
+    python: str
     system: str
     processor: str
     features: str
-    python: str
 
     def misfit(self, host: "Target") -> str:
         """Return why code for this target does not run on a host, a target too; "" if it does.
@@ -62,7 +62,7 @@ def _minor(version: str) -> list[str]:
 
 def _target_here():
     """Return the target of numba's compilation in this process."""
-    return Target(numba.__version__, *processor(), str(sys.implementation.cache_tag))
+    return Target(numba.__version__, str(sys.implementation.cache_tag), *processor())
 
 
 def note_target(folder):
@@ -166,7 +166,7 @@ class CodeCache:
         target = _shipped_for() if self._stored else None
         if target is not None:
             with suppress(Exception):  # a damaged entry may raise anything
-                how = self._options, self._stamp, target.numba, tuple(target[1:4])
+                how = self._options, self._stamp, target.numba, tuple(target[2:])
                 return Shipped(SHIPPED, self._fun, *how).load_overload(sig, context)
         return None
 
