@@ -13,21 +13,21 @@ DEFERRED = {"scipy.interpolate", "scipy.optimize", "scipy.signal", "hybrid", "la
 GALLERY = SOURCE.parents[1] / "docs" / "gallery"
 # What a message must not say in place of the value that arrived.
 VAGUE = {"another", "both", "int", "it", "neither", "none", "one", "others", "some"}
-FILES = sorted(SOURCE.rglob("*.py"))
+FILES = {path: path.read_text() for path in sorted(SOURCE.rglob("*.py"))}
+TREES = {str(path.relative_to(SOURCE)): ast.parse(text) for path, text in FILES.items()}
+NODES = [(path, node) for path, tree in TREES.items() for node in ast.walk(tree)]
 
 
-@pytest.mark.parametrize("path", FILES, ids=lambda p: str(p.relative_to(SOURCE)))
-def test_files_and_functions_are_small(path):
-    text = path.read_text()
-    assert text.count("\n") <= 800
-    for node in ast.walk(ast.parse(text)):
+def test_files_and_functions_are_small():
+    assert not [path for path, text in FILES.items() if text.count("\n") > 800]
+    for path, node in NODES:
         if isinstance(node, ast.FunctionDef):
             body = node.body[1:] if ast.get_docstring(node) else node.body
             if body:
-                assert node.end_lineno - body[0].lineno - nested(node) < 80, node.name
+                assert node.end_lineno - body[0].lineno - nested(node) < 80, (path, node.name)
             inner = [n for n in ast.walk(node) if isinstance(n, (ast.Import, ast.ImportFrom))]
             hidden = [n for n in inner if getattr(n, "module", None) not in DEFERRED]
-            assert not hidden, f"{node.name} imports"
+            assert not hidden, f"{path}: {node.name} imports"
 
 
 def test_few_files_of_tests_import_inner_parts():
@@ -38,15 +38,14 @@ def test_few_files_of_tests_import_inner_parts():
     assert sum(bool(inner.search(path.read_text())) for path in tests.rglob("*.py")) <= 12
 
 
-@pytest.mark.parametrize("path", FILES, ids=lambda p: str(p.relative_to(SOURCE)))
-def test_compiled_functions_have_a_record_and_five_values_at_most(path):
-    for node in ast.walk(ast.parse(path.read_text())):
+def test_compiled_functions_have_a_record_and_five_values_at_most():
+    for path, node in NODES:
         found = {
             getattr(getattr(each, "func", each), "id", "")
             for each in getattr(node, "decorator_list", ())
         }
         if found & DECORATORS:
-            assert len(node.args.args) <= 6, node.name
+            assert len(node.args.args) <= 6, (path, node.name)
 
 
 def nested(node):
@@ -56,7 +55,8 @@ def nested(node):
 
 
 def test_only_plots_and_the_command_line_import_matplotlib():
-    users = {path.relative_to(SOURCE) for path in FILES if "import matplotlib" in path.read_text()}
+    using = [path for path, text in FILES.items() if "import matplotlib" in text]
+    users = {path.relative_to(SOURCE) for path in using}
     assert {user.with_suffix("").parts[0] for user in users} == {"plots", "paper", "__main__"}
 
 
@@ -95,12 +95,11 @@ def test_the_way_of_a_call_names_functions_that_are_there():
         assert set(re.findall(r"`(\w+)`", names)) <= there, file
 
 
-@pytest.mark.parametrize("path", FILES, ids=lambda p: str(p.relative_to(SOURCE)))
-def test_messages_say_the_value_that_arrived(path):
-    for node in ast.walk(ast.parse(path.read_text())):
+def test_messages_say_the_value_that_arrived():
+    for path, node in NODES:
         if isinstance(node, ast.Call) and getattr(node.func, "id", "") in ("complaint", "refuse"):
             got = getattr(node.args[2], "value", None) if len(node.args) > 2 else None
-            assert got not in VAGUE, f"line {node.lineno}"
+            assert got not in VAGUE, (path, node.lineno)
 
 
 # Names that users reach by their module, and a figure named after what it draws.
@@ -109,31 +108,31 @@ BY_MODULE = {"relaxation", "oscillator", "fit", "frequency_response"}
 
 def test_no_public_name_is_defined_twice():
     places = {}
-    for path in FILES:
-        for node in ast.parse(path.read_text()).body:
+    for path, tree in TREES.items():
+        for node in tree.body:
             names = [getattr(node, "name", "")]
             if isinstance(node, ast.Assign):
                 names = [n.id for t in node.targets for n in ast.walk(t) if isinstance(n, ast.Name)]
             for name in names:
                 if name and not name.startswith("_"):
-                    places.setdefault(name, set()).add(path.name)
+                    places.setdefault(name, set()).add(Path(path).name)
     assert {name for name, where in places.items() if len(where) > 1} == BY_MODULE
 
 
-@pytest.mark.parametrize("path", FILES, ids=lambda p: str(p.relative_to(SOURCE)))
-def test_each_constant_has_a_line(path):
-    for node in ast.parse(path.read_text()).body:
-        if isinstance(node, ast.Assign):
-            both = node.targets[0], node.value
-            assert not all(isinstance(part, ast.Tuple) for part in both), f"line {node.lineno}"
+def test_each_constant_has_a_line():
+    for path, tree in TREES.items():
+        for node in tree.body:
+            if isinstance(node, ast.Assign):
+                both = node.targets[0], node.value
+                assert not all(isinstance(each, ast.Tuple) for each in both), (path, node.lineno)
 
 
 # Words that prose must not use in a sense of its own, and that names must not either.
 BANNED = {"told", "begun", "pace", "Pace", "PACE", "STRETCH"}
 
 
-@pytest.mark.parametrize("path", FILES, ids=lambda p: str(p.relative_to(SOURCE)))
-def test_names_are_no_banned_words(path):
-    for node in ast.walk(ast.parse(path.read_text())):
+def test_names_are_no_banned_words():
+    for path, node in NODES:
         names = {getattr(node, field, None) for field in ("id", "arg", "name", "attr")}
-        assert not {name for name in names if isinstance(name, str)} & BANNED
+        found = {name for name in names if isinstance(name, str)} & BANNED
+        assert not found, (path, node.lineno)

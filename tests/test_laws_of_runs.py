@@ -33,17 +33,21 @@ ALSO_MESHES = [c for c in CASES if c.history in (None, HISTORIES[2])]
 ONCE = [c for c in ALSO_MESHES if c.steps != "mesh"]
 
 
-@over(EVERY)
-def test_a_run_is_made_if_the_declared_abilities_allow_it_and_refused_otherwise(case):
-    if case.allowed():
-        assert case.solve(0.25).success
-    else:
-        with pytest.raises(ValueError, match=r"must .*, got "):
-            case.solve(0.25)
+@pytest.mark.parametrize("scheme", SCHEMES, ids=repr)
+def test_a_run_is_made_if_the_declared_abilities_allow_it_and_refused_otherwise(scheme):
+    for case in (case for case in EVERY if case.scheme is scheme):
+        if case.allowed():
+            assert case.solve(0.25).success, case
+        else:
+            with pytest.raises(ValueError, match=r"must .*, got "):
+                pytest.fail(f"{case}: {case.solve(0.25)}")
 
 
-@over(UNIFORM)
-@pytest.mark.parametrize("which", [0, 1, 2])
+# One cut a case: each scheme meets each cut with each of its histories, in a third of its families.
+CUTS = [(case, (n + n // 3) % 3) for n, case in enumerate(UNIFORM)]
+
+
+@pytest.mark.parametrize(("case", "which"), CUTS, ids=str)
 def test_a_run_that_was_stopped_goes_on_bit_for_bit(case, which):
     """Also from a state that was stored, and where a block or a stretch of FFT ends."""
     cut = ((1, 1024, 1025) if case.history == HISTORIES[1] else (1, 32, 65))[which]
