@@ -49,8 +49,7 @@ class Stepper(ABC):
     3. `advance` makes steps for a short computing time, towards a position and never beyond it. It
        returns the solution on these steps. `stop_at` finds the position of a time.
     4. `position`, `t`, `y` and `ydot` are the position and the time reached, and the solution and
-    its
-       derivative there.
+       its derivative there.
     5. `trouble` says why the stepper cannot make the next step.
     6. `health` has faults that do not stop the march, and `stats` has counts.
     7. `come_back` restores what `checkpoint` returned.
