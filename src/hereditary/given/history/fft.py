@@ -34,6 +34,10 @@ class FFT(History):
     `Direct` from about 2,000 steps on. `SumOfExponentials` is faster than `FFT`, with an error up
     to its tolerance (convergence/histories.py).
 
+    Source
+    ------
+    [HairerLubichSchlichte1985].
+
     Examples
     --------
     >>> import hereditary as hd
