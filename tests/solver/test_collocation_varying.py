@@ -141,8 +141,16 @@ def stepped(t, y):
     return -y + (1.0 if t < 2.5 else 3.0)
 
 
-@pytest.mark.parametrize("order", [0.3, 0.5, 1.2, 1.6])
-@pytest.mark.parametrize("beside", [0, 1, 2, "a component", "a jump"])
+# A memory of y'' needs an order above 1.
+BESIDE = [
+    (beside, order)
+    for beside in (0, 1, 2, "a component", "a jump")
+    for order in (0.3, 0.5, 1.2, 1.6)
+    if beside != 2 or order > 1
+]
+
+
+@pytest.mark.parametrize(("beside", "order"), BESIDE)
 def test_a_constant_function_is_the_constant_order_beside(beside, order):
     """A memory of y, y' or y'', another component, or a jump of the right-hand side."""
     y0, rhs, breaks = [1.0, 0.5][: math.ceil(order)], decay, ()
@@ -160,8 +168,6 @@ def test_a_constant_function_is_the_constant_order_beside(beside, order):
             terms += [0.5 * hd.Memory(PRONY, beside)]
         return hd.solve(hd.Equation(terms, rhs, y0), 5.0, rtol=1e-9, breaks=breaks)
 
-    if beside == 2 and order < 1:
-        return
     t = np.concatenate([np.linspace(0, 2.5, 51), 2.5 + np.geomspace(1e-3, 2.5, 50)])
     assert np.abs(run(always(order))(t) - run(hd.Caputo(order))(t)).max() < 1e-9
 

@@ -96,7 +96,7 @@ def test_each_component_has_the_derivative_of_its_kind():
 
 @pytest.mark.parametrize("rtol", [1e-4, 1e-8])
 def test_continuous_at_step_ends(case, rtol):
-    """From both sides, also where stretches of steps meet; to a thousandth of the tolerance."""
+    """From both sides, also where stretches of steps meet; to a hundredth of the tolerance."""
     equation, t_end, breaks = case
     sol = hd.solve(equation, t_end, rtol=rtol, breaks=breaks)
     inner, rows = sol.t[1:-1], sol.y[1:-1]
