@@ -231,10 +231,10 @@ def _one_orbit(
     coarse: Sequence[Any],
     title: str,
 ) -> None:
-    """Draw a column of a figure of orbits: collocation in front, the paper's step behind."""
+    """Draw a column of a figure of orbits: collocation in front, the paper's step wide behind."""
     place, speed = rows
     for ax, values, behind in zip(axes[:2], rows, coarse[:2], strict=True):
-        ax.plot(times, behind, lw=0.7, color="#D55E00", label=r"$\tau = 0.005$")
+        ax.plot(times, behind, lw=3.0, color="#F0B27A", label=r"$\tau = 0.005$")
         ax.plot(times, values, lw=0.7, color="#0072B2", label="collocation")
         ax.set(xlabel="$t$ [time]")
         ax.margins(x=0)
