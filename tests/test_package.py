@@ -35,7 +35,7 @@ def test_public_names():
         assert getattr(hereditary, name).__doc__
 
 
-@pytest.mark.parametrize("name", MODULES)
+@pytest.mark.parametrize("name", ["hereditary", *MODULES])
 def test_examples_in_docstrings(name):
     module = importlib.import_module(name)
     assert doctest.testmod(module, optionflags=doctest.NORMALIZE_WHITESPACE).failed == 0

@@ -8,7 +8,14 @@ import pytest
 import hereditary as hd
 
 DECAY = hd.Equation(hd.Caputo(0.5), lambda t, y, p: -p[0] * y, 1.0, params=[1.0])
+DRIVEN = hd.Equation(hd.Caputo(0.5), lambda t, y, p: np.cos(p[0] * t) - y, 0.0, params=[1.0])
 TIMES = np.array([0.5, 1.0, 2.0])
+TIMES_OF_ROWS = np.linspace(0.0, 1.0, 11)
+
+
+def halved(t):
+    """A kernel, or a transform, of exponent one half."""
+    return t**-0.5
 
 
 def fitted():
@@ -26,6 +33,21 @@ RESULTS = {
     ),
     r"Solution\(the run reached the end; 11 rows of 1 components, t = 0 \.\. 1\)": (
         lambda: hd.solve(DECAY, 1.0, 10)
+    ),
+    r"FrequencyResponse\(2 responses, omega = 0\.5 \.\. 2; 0 turning points; the curve was .*\)": (
+        lambda: hd.frequency_response(DRIVEN, [0.5, 2.0])
+    ),
+    r"Sensitivities\(by params, y0; the run reached the end; 11 rows of 1 components\)": (
+        lambda: hd.sensitivities(DECAY, 1.0, t_eval=TIMES_OF_ROWS)
+    ),
+    r"PowerSpectrum\(peaks: 1, highest at 1\.[23]\d*; resolution 0\.\d+; \d+ frequencies\)": (
+        lambda: hd.power_spectrum(np.sin(1.3 * np.arange(200.0)), 1.0, n_peaks=1)
+    ),
+    r"Kernel\(halved, singular_exponent=0\.5\)": lambda: hd.Kernel(halved),
+    r"Kernel\(cos, singular_exponent=0, signed=True\)": lambda: hd.Kernel(np.cos, signed=True),
+    r"LaplaceKernel\(halved, singular_exponent=0\.5\)": lambda: hd.kernel_from_laplace(halved),
+    r"TabulatedKernel\(4 values, t = 1 \.\. 4, singular_exponent=0\)": (
+        lambda: hd.Kernel.from_table([1.0, 2.0, 3.0, 4.0], [1.0, 1.0, 0.9, 0.1])
     ),
 }
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -44,13 +44,18 @@ class FrequencyResponse:
     """
 
     omega: np.ndarray
-    values: np.ndarray = field(repr=False)
-    coefficients: np.ndarray = field(repr=False)
-    branch: np.ndarray = field(repr=False)
+    values: np.ndarray
+    coefficients: np.ndarray
+    branch: np.ndarray
     turning: np.ndarray
-    peaks: list[Peak] = field(repr=False)
+    peaks: list[Peak]
     complete: bool
     message: str
+
+    def __repr__(self) -> str:
+        span = f", omega = {self.omega.min():g} .. {self.omega.max():g}" if self.omega.size else ""
+        counts = f"{self.omega.size} responses{span}; {self.turning.size} turning points"
+        return f"FrequencyResponse({counts}; {self.message})"
 
     @property
     def amplitude(self) -> np.ndarray:

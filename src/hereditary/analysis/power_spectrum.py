@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -39,10 +39,15 @@ class PowerSpectrum:
         Distance in omega below which two lines are one.
     """
 
-    omega: np.ndarray = field(repr=False)
-    power: np.ndarray = field(repr=False)
+    omega: np.ndarray
+    power: np.ndarray
     peaks: np.ndarray
     resolution: float
+
+    def __repr__(self) -> str:
+        highest = f"highest at {self.peaks['omega'][0]:.6g}; " if self.peaks.size else ""
+        counts = f"peaks: {self.peaks.size}, {highest}resolution {self.resolution:.3g}"
+        return f"PowerSpectrum({counts}; {self.omega.size} frequencies)"
 
 
 def power_spectrum(

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -52,11 +52,17 @@ class Sensitivities:
 
     t: np.ndarray
     y: np.ndarray
-    by_params: np.ndarray | None = field(repr=False)
-    by_y0: np.ndarray | None = field(repr=False)
-    by_orders: np.ndarray | None = field(repr=False)
+    by_params: np.ndarray | None
+    by_y0: np.ndarray | None
+    by_orders: np.ndarray | None
     status: Status
     message: str
+
+    def __repr__(self) -> str:
+        kinds = {"params": self.by_params, "y0": self.by_y0, "orders": self.by_orders}
+        by = ", ".join(kind for kind, values in kinds.items() if values is not None)
+        rows = f"{len(self.t)} rows of {self.y.shape[1]} components"
+        return f"Sensitivities(by {by}; {self.message}; {rows})"
 
     @property
     def success(self) -> bool:

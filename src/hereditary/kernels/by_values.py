@@ -79,6 +79,12 @@ class Kernel(MemoryKernel):
             required = "be integrable at 0 (K ~ t**-a with 0 <= a < 1)"
             refuse("function", required, f"a = {self._exponent:.4g}")
 
+    def __repr__(self) -> str:
+        name = getattr(self._function, "__name__", repr(self._function))
+        signed = ", signed=True" if self._signed else ""
+        exponent = f"singular_exponent={self.singular_exponent:.6g}"
+        return f"{type(self).__name__}({name}, {exponent}{signed})"
+
     @staticmethod
     def from_table(t: ArrayLike, values: ArrayLike) -> TabulatedKernel:
         """Return the kernel of measured values; see `TabulatedKernel`."""
@@ -208,6 +214,11 @@ class TabulatedKernel(Kernel):
         if slope <= -1:
             refuse("values", "be integrable at 0 (K ~ t**-a with a < 1)", f"a = {-slope:.4g}")
         self._exponent, self._logs = -slope if slope < -0.05 else 0.0, logs
+
+    def __repr__(self) -> str:
+        times, exponent = self._t, self.singular_exponent
+        span = f"{times.size} values, t = {times[0]:g} .. {times[-1]:g}"
+        return f"TabulatedKernel({span}, singular_exponent={exponent:.6g})"
 
     @property
     def t_last(self) -> float:
