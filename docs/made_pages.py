@@ -16,6 +16,7 @@ import hereditary
 GALLERY = (
     "block_on_its_spring",
     "stick_slip",
+    "strange_attractor",
     "viscoelastic_beam",
     "viscoelastic_models",
     "subdiffusion",

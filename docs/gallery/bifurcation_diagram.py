@@ -24,11 +24,11 @@ def maxima(force):
     return {"x": values, "status": sol.status}
 
 
-table = hd.sweep(maxima, {"force": np.linspace(0.2, 0.5, 151)}, progress=False)
+table = hd.sweep(maxima, {"force": np.linspace(0.2, 0.5, 451)}, progress=False)
 assert table.success.all()
 
 fig, ax = plt.subplots(figsize=(8, 5), layout="constrained")
-hd.plots.bifurcation(table, "x", ax, ms=2, ylabel="maxima of x after 80 periods")
+hd.plots.bifurcation(table, "x", ax, ms=1, ylabel="maxima of x after 80 periods")
 plt.show()
 
 
@@ -39,7 +39,7 @@ def different(force):
 
 
 counts = [different(force) for force in (0.2, 0.3, 0.31, 0.376, 0.45)]
-print("maxima that differ:", counts)
+print("maxima that differ:", counts[:4])
 assert counts[:4] == [1, 2, 4, 3]
 assert counts[4] > 10
 

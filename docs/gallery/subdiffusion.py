@@ -6,6 +6,7 @@ The equation is ``D^alpha u = Laplace u`` on the unit square, with u = 0 on the 
 of lines has 2,500 components, and the matrix is factorised once.
 """
 
+import matplotlib.colors
 import matplotlib.pyplot as plt
 import numpy as np
 
@@ -17,7 +18,9 @@ spot = np.exp(-200 * ((x[:, None] - 0.35) ** 2 + (x[None, :] - 0.6) ** 2))
 
 top = spot.argmax()
 heights, areas, steepness = {}, {}, {}
-fig, axes = plt.subplots(2, 3, figsize=(9, 6), layout="constrained")
+fig, axes = plt.subplots(2, 3, figsize=(9, 5.6), layout="compressed", sharex=True, sharey=True)
+colours = {"norm": matplotlib.colors.LogNorm(1e-3, 1.0), "cmap": "magma"}
+square = {"origin": "lower", "extent": (0, 1, 0, 1)}
 for row, alpha in zip(axes, (0.5, 1.0), strict=True):
     equation = hd.scenes.subdiffusion(alpha, POINTS, dimensions=2, u0=spot)
     sol = hd.solve(equation, 0.02, 200, scheme=hd.BDF(2), save_every=10)
@@ -26,9 +29,15 @@ for row, alpha in zip(axes, (0.5, 1.0), strict=True):
     steepness[alpha] = 1 - sol.y[:, top + POINTS] / sol.y[:, top]  # drop to the next point
     areas[alpha] = np.mean(sol.y > heights[alpha][:, None] / 2, axis=1)
     for ax, k in zip(row, (0, 5, 20), strict=True):
-        image = ax.imshow(sol.y[k].reshape(POINTS, POINTS).T, origin="lower", extent=(0, 1, 0, 1))
+        u = np.maximum(sol.y[k].reshape(POINTS, POINTS).T, 1e-9)  # a logarithm needs u > 0
+        image = ax.imshow(u, **square, **colours)
         ax.set(title=rf"$\alpha$ = {alpha}, t = {sol.t[k]:g}")
-        fig.colorbar(image, ax=ax, shrink=0.7)
+        ax.label_outer()
+for ax in axes[-1]:
+    ax.set(xlabel="x")
+for ax in axes[:, 0]:
+    ax.set(ylabel="y")
+fig.colorbar(image, ax=axes, extend="min", label="u")
 plt.show()
 
 # %%
