@@ -37,7 +37,10 @@ SECTIONS = {
 
 def page():
     """Return the text of the page; a study without claims or a section is an error."""
-    text, claims = HEAD, {}
+    links = (
+        f"[{title}](#{title.lower().replace(',', '').replace(' ', '-')})" for title in SECTIONS
+    )
+    text, claims = HEAD + "\n**On this page**:\n" + ",\n".join(links) + ".\n", {}
     for row in read(RESULTS / CLAIMS):
         claims.setdefault(row["study"], []).append(row)
     for title, names in SECTIONS.items():

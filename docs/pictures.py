@@ -1,8 +1,9 @@
 """The figures of the README and of Getting started: ``python docs/pictures.py``.
 
-figures/front.svg has the equation of the README beside the same equation without memory, and the
-Brusselator of order 0.8 from ``convergence/results/peers.csv``, written by
-``convergence/peers.py``. figures/start.svg has the oscillator of Getting started.
+figures/memory.svg has the equation of the README beside the same equation without memory.
+figures/errors.svg has the Brusselator of order 0.8 from ``convergence/results/peers.csv``, written
+by ``convergence/peers.py``. Both are as wide as half a page, or the screen of a telephone.
+figures/start.svg has the oscillator of Getting started.
 """
 
 import csv
@@ -50,8 +51,8 @@ def draw_memory(ax):
         terms = hd.Caputo(orders[0]) + 0.25 * hd.Caputo(orders[1])
         eq = hd.Equation(terms, lambda t, x: np.sin(t) - x, y0=[0.2, 0.3])
         ax.plot(times, hd.solve(eq, 50.0, rtol=1e-8)(times)[:, 0], color=color, label=label)
-    ax.set(xlabel="t", ylabel="x(t)", ylim=(-4.5, 7))
-    ax.legend(frameon=False, loc="upper left", fontsize=11)
+    ax.set(xlabel="t", ylabel="x(t)", ylim=(-4.5, 6.5))
+    ax.legend(frameon=False, loc="upper left")
 
 
 def draw_errors(ax):
@@ -62,7 +63,7 @@ def draw_errors(ax):
         points = [(float(row["ms"]), float(row["error"])) for row in rows if row["code"] == code]
         ax.loglog(*zip(*points, strict=True), color=color, marker=marker, label=label)
     ax.set(xlabel="time of a call [ms]", ylabel="error at t = 100")
-    ax.legend(frameon=False, loc="lower right", fontsize=11)
+    ax.legend(frameon=False, loc="lower right")
 
 
 def draw_start(left, right):
@@ -76,10 +77,11 @@ def draw_start(left, right):
 def main():
     """Write the figures."""
     with plt.rc_context(STYLE):
-        figure, (left, right) = plt.subplots(1, 2, figsize=(10, 4), layout="constrained")
-        draw_memory(left)
-        draw_errors(right)
-        figure.savefig(DOCS / "figures" / "front.svg", metadata={"Date": None})
+        for name, draw in (("memory", draw_memory), ("errors", draw_errors)):
+            with plt.rc_context({"font.size": 9, "lines.linewidth": 1.2, "lines.markersize": 4}):
+                figure, ax = plt.subplots(figsize=(3.7, 3.1), layout="constrained")
+                draw(ax)
+                figure.savefig(DOCS / "figures" / f"{name}.svg", metadata={"Date": None})
         figure, axes = plt.subplots(1, 2, figsize=(10, 3.6), layout="constrained")
         draw_start(*axes)
         figure.savefig(DOCS / "figures" / "start.svg", metadata={"Date": None})

@@ -58,7 +58,7 @@ times, restarted = np.array(
         (387.52, 0.911),
     ]
 ).T
-print("kept:", kept.exponents[0], " restarted:", restarted[-1])
+print("kept:", kept.exponents[0].round(3), " restarted:", restarted[-1])
 early = np.interp(100.0, kept.times, kept.trace[:, 0])
 assert early < -0.06 < kept.exponents[0] < -0.02
 assert restarted[-1] > 0.8

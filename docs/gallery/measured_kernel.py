@@ -46,5 +46,5 @@ hd.plots.oscillogram(by_data, right, label="data", ls="--", lw=1.5)
 right.set(title="")
 plt.show()
 difference = np.abs(by_data.y - by_law(by_data.t)).max()
-print("largest difference of the motions:", difference)
+print(f"largest difference of the motions: {difference:.1g}")
 assert difference < 0.02

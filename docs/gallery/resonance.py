@@ -21,7 +21,7 @@ terms = hd.Caputo(1.98) + 0.05 * hd.Caputo(0.9)
 equation = hd.Equation(terms, spring, [0.0, 0.0], params=[1.0, 0.3, 0.5])
 response = hd.frequency_response(equation, np.linspace(0.4, 2.4, 201))
 assert response.complete
-print("jumps of a slow sweep at", response.turning)
+print("jumps of a slow sweep at", response.turning.round(4))
 up, down = response.turning
 assert up > down + 0.2
 

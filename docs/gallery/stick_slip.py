@@ -20,7 +20,7 @@ hd.plots.oscillogram(orbit, left)
 hd.plots.phase_portrait(orbit, right)
 
 first, second = hd.scenes.sticking_intervals(orbit)
-print("sticks at first and at last for", first[1] - first[0], second[1] - second[0])
+print("sticks at first and at last for", *(round(end - begin, 2) for begin, end in (first, second)))
 assert second[0] - first[1] < 5  # the time of the slip
 assert min(first[1] - first[0], second[1] - second[0]) > 40
 
@@ -30,7 +30,7 @@ assert min(first[1] - first[0], second[1] - second[0]) > 40
 # this.
 
 exponents = hd.lyapunov(equation, 400.0, n_steps=64_000)
-print(exponents.exponents, exponents.verdict)
+print(exponents.exponents.round(3), exponents.verdict)
 assert exponents.verdict == "neutral"
 quarter = np.interp(100.0, exponents.times, exponents.trace[:, 0])
 assert 3 < quarter / exponents.exponents[0] < 5

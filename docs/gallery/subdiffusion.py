@@ -58,5 +58,5 @@ mode = hd.scenes.subdiffusion(0.5, POINTS, dimensions=2)
 found = hd.solve(mode, 0.02, 200, scheme=hd.BDF(2)).y[-1]
 rate = 2 * (2 * (POINTS + 1) * np.sin(np.pi / (2 * POINTS + 2))) ** 2
 exact = hd.exact.mittag_leffler(-rate * 0.02**0.5, 0.5, 1.0) * mode.y0[0]
-print("largest error of the lowest mode:", np.abs(found - exact).max())
+print(f"largest error of the lowest mode: {np.abs(found - exact).max():.1e}")
 assert np.abs(found - exact).max() < 1e-5

@@ -78,6 +78,6 @@ integral = quad(remembered, 0.0, 5.0, weight="alg", wvar=(0.0, -0.5))[0]
 derivative = quad(slope, 0.0, 5.0, weight="alg", wvar=(ALPHA - 1, -ALPHA))[0] / gamma(1 - ALPHA)
 derivative += FACTOR * (6.0 ** (1 - ALPHA) - 5.0 ** (1 - ALPHA))
 residuals = z(5.0, 1)[0] + integral - np.cos(5.0), derivative + given(5.0)[0]
-print("residuals:", *residuals)
 assert np.abs(residuals).max() < 1e-7
+print("both residuals are below 1e-7")
 assert given.y[-1, 0] < none.y[-1, 0]
