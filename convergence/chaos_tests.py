@@ -61,7 +61,7 @@ def measure(quick):
         spectra[name] = hd.power_spectrum(orbit, component=component, transient=late)
         strong = spectra[name].peaks
         strong = strong[strong["amplitude"] > 0.02 * strong["amplitude"].max(initial=0.0)]
-        # after 4,000 time units no verdict but "neutral" is within three standard errors of its limit
+        # at T = 400 the late slope of a chaotic orbit was below three standard errors
         t_end = 400 if quick else 4000
         exponent = hd.lyapunov(equation, float(t_end), 200 * t_end)
         told = f"{exponent.slope[0]:.1g}, {exponent.verdict}"

@@ -37,10 +37,9 @@ SECTIONS = {
 
 def page():
     """Return the text of the page; a study without claims or a section is an error."""
-    links = (
-        f"[{title}](#{title.lower().replace(',', '').replace(' ', '-')})" for title in SECTIONS
-    )
-    text, claims = HEAD + "\n**On this page**:\n" + ",\n".join(links) + ".\n", {}
+    anchors = {title: title.lower().replace(",", "").replace(" ", "-") for title in SECTIONS}
+    links = "\n".join(f"- [{title}](#{anchor})" for title, anchor in anchors.items())
+    text, claims = f"{HEAD}\n{links}\n", {}
     for row in read(RESULTS / CLAIMS):
         claims.setdefault(row["study"], []).append(row)
     for title, names in SECTIONS.items():
