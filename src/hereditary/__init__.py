@@ -7,10 +7,8 @@ delays with `Delay`. `solve` solves it to a tolerance (``rtol=``) or with given 
 >>> import hereditary as hd
 >>> eq = hd.Equation(hd.Caputo(1.8) + 0.25 * hd.Caputo(0.8), lambda t, x: -x, y0=[1.0, 0.0])
 >>> sol = hd.solve(eq, 20.0, rtol=1e-8)
->>> sol
-Solution(the run reached the end; 34 rows of 1 components, t = 0 .. 20)
->>> sol(10.0).round(6)
-array([-0.040128])
+>>> sol.success, sol(10.0).round(6)
+(True, array([-0.040128]))
 
 Many runs: `ensemble`, `sweep`. Data: `fit`, `sensitivities`, `derivative`. Analysis: `lyapunov`,
 `zero_one_test`, `power_spectrum`, `frequency_response`. ``help(hereditary.solve)`` and the like
