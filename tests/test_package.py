@@ -101,7 +101,7 @@ def test_the_readme_installs_and_tests_by_one_line_each_as_ci_does():
         assert f"\n```\n{line}\n```\n" in page
     stages = (ROOT / ".ci" / "run").read_text()
     assert 'python -m pip install --quiet ".[$extras]"' in stages
-    assert "python -m pytest -m core" in stages
+    assert "pytestmark = pytest.mark.core" in stages
 
 
 def test_every_status_has_a_remedy():
