@@ -4,7 +4,7 @@ import math
 from functools import cache, partial
 
 import numpy as np
-from refusals import BAD, PRONY, adapt, adapted, begun, each, equation, linear, read, run
+from refusals import BAD, PRONY, adapt, adapted, begun, each, equation, read, run
 
 import hereditary as hd
 
@@ -144,7 +144,7 @@ STEPS_GIVEN = [
     (lambda: run(breaks=[0.123]), ValueError, r"breaks must be times of steps.*got \[0.123\]"),
     (lambda: run(breaks=[0.5, 0.2]), ValueError, "breaks must be increasing times above 0"),
     (lambda: run(allow_change=True), ValueError, "allow_change must come with resume"),
-    (lambda: run(equation=linear(), params=[2.0]), ValueError, "params must come with resume"),
+    (lambda: run(params="a"), TypeError, "params must be real, finite numbers"),
     *each(lambda c: run(equation=equation(0.8, np.ones(5)), components=c),
           [[], [5], [-1], [0.5], "a", [[0]]],
           ValueError, "components must be numbers of components, 0 to 4"),

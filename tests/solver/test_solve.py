@@ -22,6 +22,32 @@ def slow_decay(t, y):
     return -y
 
 
+def pulled(t, y, p):
+    return -p[0] * y
+
+
+def delayed(t, y, memory, p):
+    return -p[0] * y - 0.5 * memory[0]
+
+
+@pytest.mark.parametrize("memory", [None, hd.Delay(0.3, 1.0)], ids=["plain", "delay"])
+@pytest.mark.parametrize(
+    "how",
+    [{"n_steps": 40}, {"rtol": 1e-6}, {"mesh": hd.graded(40, 2.0), "scheme": hd.L1()}],
+    ids=lambda how: next(iter(how)),
+)
+def test_params_are_those_of_another_equation(how, memory):
+    given = {"rhs": delayed, "memory": memory} if memory else {"rhs": pulled}
+    equation = hd.Equation(hd.Caputo(0.8), y0=1.0, params=[1.0], **given)
+    sol = hd.solve(equation, 1.0, params=[2.0], **how)
+    other = hd.solve(equation.replace(params=[2.0]), 1.0, **how)
+    assert np.array_equal(sol.t, other.t)
+    assert np.array_equal(sol.y, other.y)
+    assert sol.state.identity == other.state.identity
+    assert equation.params == [1.0]
+    assert sol.y[-1] != hd.solve(equation, 1.0, **how).y[-1]
+
+
 def test_going_on_accepts_either_count_of_steps():
     equation = hd.scenes.relaxation()
     state = hd.solve(equation, 1.0, 100).state

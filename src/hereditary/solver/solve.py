@@ -46,7 +46,7 @@ _INSTEAD = {
     "t0": "Equation(..., t_start=t0) sets the start",
     "t_span": "Equation(..., t_start=...) sets the start, and solve(eq, t_end) the end",
     "y0": "Equation(terms, rhs, y0) has it",
-    "args": "Equation(..., params=...) has them",
+    "args": "pass params=",
     "jac": "Equation(..., jac=...) has it",
     "method": "pass scheme=, e.g. scheme=hd.BDF(2)",
     "dense_output": "sol(t) is the dense output of every solution",
@@ -163,7 +163,9 @@ def solve(
         With `resume`: allow another right-hand side or other `params` than the state's. The whole
         memory is kept.
     params : float or sequence of float, optional
-        With `resume`: continue with these parameters instead of the equation's.
+        Solve with these parameters instead of the equation's, as with
+        ``equation.replace(params=...)``. With `resume` the run continues with them, and the whole
+        memory is kept.
     estimate : bool, optional
         Estimate the error of a run with uniform steps of `ExplicitCaputo` or `GrunwaldLetnikov`,
         ``stats["error_estimate"]``, by runs with a tenth and a twentieth of the steps. Where these
@@ -247,10 +249,8 @@ def solve(
     """
     equation = current_equation(equation)
     if params is not None:
-        if resume is None:
-            remedy = "equation.replace(params=...) makes an equation with others"
-            refuse("params", "come with resume", repr(params), remedy)
-        equation, allow_change = equation.replace(params=params), True
+        equation = equation.replace(params=params)
+        allow_change = allow_change if resume is None else True
     start = equation.t_start
     t_last = run_end("t_end", t_end, start)
     t_end = t_last - start
