@@ -483,6 +483,30 @@ def test_doses_at_stated_times_add_solutions(how):
     assert abs(rest.y[-1, 0] - sol.y[-1, 0]) < 1e-7
 
 
+@pytest.mark.parametrize("how", [{"n_steps": 1000}, {"rtol": 1e-8}], ids=str)
+@pytest.mark.parametrize(
+    "interrupted",
+    [
+        {"changes": {0.51: lambda t, y: y + 1.0}},
+        {"switches": lambda t, y: y[0] - 0.8},
+        {"events": event(lambda t, y: y[0] - 0.8, lambda t, y: y + 1.0)},
+    ],
+    ids=lambda given: next(iter(given)),
+)
+def test_a_run_after_its_last_interruption_keeps_the_rows_it_is_asked_for(interrupted, how):
+    """To its very end, and each n-th step only; where it is interrupted there is a row as well."""
+    eq = hd.Equation(C(0.7), decay, 1.0)
+    times = [0.0, 0.5, 1.0, 2.0]
+    sol = hd.solve(eq, 2.0, **how, **interrupted)
+    rows = hd.solve(eq, 2.0, **how, **interrupted, t_eval=times)
+    assert rows.t.tolist() == times
+    assert rows.y[-1] == pytest.approx(sol.y[-1], rel=1e-12)
+    some = hd.solve(eq, 2.0, **how, **interrupted, save_every=100)
+    steps = np.linspace(0.0, 2.0, 11) if "n_steps" in how else np.array([0.0, 2.0])
+    others = {t for t in some.t.tolist() if np.abs(steps - t).min() > 1e-12}
+    assert len(others) == (len(sol.t_events[0]) if sol.t_events else 1)
+
+
 @pytest.mark.parametrize("end", [1.0, 1.0 + 4e-16, 2.0])
 @pytest.mark.parametrize("order", [[0, 1], [1, 0]])
 def test_coinciding_changes_act_in_order(end, order):

@@ -25,9 +25,11 @@ def checked_breaks(breaks: ArrayLike, start: float) -> np.ndarray:
 def together(times: Any, t: Any, origin: float = 0.0) -> np.ndarray:
     """Return for each of `times` whether it equals t up to rounding.
 
-    The user's times are these plus `origin`, whose rounding errors count too.
+    The user's times are these plus `origin`, whose rounding errors count too. No time equals an
+    infinite t.
     """
-    return np.abs(times - t) <= _ONE_TIME * np.maximum(np.abs(t), abs(origin))
+    near = np.abs(times - t) <= _ONE_TIME * np.maximum(np.abs(t), abs(origin))
+    return near & np.isfinite(t)
 
 
 def breaks_ahead(
