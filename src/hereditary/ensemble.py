@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections import Counter
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
 from itertools import islice
@@ -21,11 +21,19 @@ from .solver.opening import chooses_steps, how_to_step
 from .solver.output import room_for
 from .solver.progress import Interruption, ProgressBar
 from .solver.run import Drive, reached_end, report
-from .solver.solve import chosen_scheme, evaluation_times, run_end, solve
+from .solver.solve import (
+    CHANGES,
+    chosen_scheme,
+    evaluation_times,
+    kept_components,
+    listed,
+    run_end,
+    solve,
+)
 from .stepping.scheme import Scheme
 from .stepping.status import Ending, SolveWarning, StabilityWarning, Status
 from .stepping.times import checked_breaks
-from .support.checks import count, real_array, refuse, refuse_masked, shown, whole
+from .support.checks import count, mapping, real_array, refuse, refuse_masked, shown, whole
 from .support.machine import cores
 from .support.warning import silence, warn
 
@@ -57,6 +65,9 @@ class Ensemble:
         By member number, the message of each member that did not complete.
     stats : dict
         n_steps and n_rhs, (E,) each, and seconds in all.
+    t_events, y_events : list of list of ndarray
+        For each member, the times (k,) of the zeros of each event function, and the solution (k, d)
+        there. Empty lists if there are no events.
     """
 
     t: np.ndarray
@@ -65,17 +76,21 @@ class Ensemble:
     status: np.ndarray
     messages: dict[int, str] = field(repr=False)
     stats: dict[str, Any] = field(repr=False)
+    t_events: list[list[np.ndarray]] = field(default_factory=list, repr=False)
+    y_events: list[list[np.ndarray]] = field(default_factory=list, repr=False)
 
     @property
     def success(self) -> np.ndarray:
-        """Whether each run was completed, inside the stability limit of the scheme; shape (E,)."""
-        return self.status == Status.COMPLETED.value
+        """Whether each run reached its end or a terminal event, with stable steps; shape (E,)."""
+        return np.isin(self.status, (Status.COMPLETED.value, Status.EVENT.value))
 
     def __len__(self) -> int:
         return len(self.y)
 
     def __repr__(self) -> str:
-        done = f"{int(self.success.sum())} of {len(self)} completed"
+        done = f"{np.count_nonzero(self.status == Status.COMPLETED)} of {len(self)} completed"
+        n_ended = np.count_nonzero(self.status == Status.EVENT)
+        done += f", {n_ended} ended by an event" if n_ended else ""
         return f"Ensemble({done}; {self.t.size} rows of {self.y.shape[2]} components)"
 
 
@@ -90,9 +105,14 @@ def ensemble(
     atol: float | ArrayLike | None = None,
     scheme: Scheme | None = None,
     history: History | None = None,
+    max_step: float | None = None,
     breaks: ArrayLike = (),
+    events: Callable | Sequence[Callable] = (),
+    switches: Callable | Sequence[Callable] = (),
+    changes: Mapping[float, Callable] | Sequence[Mapping[float, Callable]] | None = None,
     save_every: int = 1,
     t_eval: ArrayLike | None = None,
+    components: ArrayLike | None = None,
     threads: int | None = None,
     progress: bool = False,
 ) -> Ensemble:
@@ -100,7 +120,8 @@ def ensemble(
 
     Every member has the solution of `solve`. With uniform steps it is equal to the last bit, with
     BDF(3) to BDF(6) to rounding. Uniform steps need weights, modes and stability limits only once,
-    and each thread solves one member after the other. Use `sweep` for equations that differ in
+    and each thread solves one member after the other. With events, switches or changes each member
+    is a run of its own. Use `sweep` for equations that differ in
     anything else, such as their orders.
 
     Parameters
@@ -114,13 +135,18 @@ def ensemble(
         Parameters of each member; shape (E,) if the equation has one.
     y0 : array_like, shape (E, ...), optional
         Initial values of each member, each row as for `Equation`.
-    rtol, atol, scheme, history, breaks
+    rtol, atol, scheme, history, max_step, breaks, events, switches
         As in `solve`.
+    changes : mapping of float to callable, or sequence of E such mappings, optional
+        ``{time: change}`` as in `solve`, for all members or for each. Rows at these times contain y
+        after the change.
     save_every : int, optional
         Keep the first row, the last one, and every `save_every`-th one.
     t_eval : array_like, shape (n,), optional
         Keep these times instead. With n_steps they must be times of steps. With rtol the steps
         differ between members, and the default is the start and the end.
+    components : array_like of int, shape (k,), optional
+        Keep only these components of y, in this order.
     threads : int, optional
         By default as many as there are cores; one if members take less than 0.4 ms each, or if a
         function is called in Python.
@@ -146,8 +172,9 @@ def ensemble(
     Cost
     ----
     Uniform steps take 0.1 to 0.5 microseconds each for one component, and a member 0.1 to 0.2
-    milliseconds more, which threads hardly reduce (convergence/ensembles.py). With rtol, and if a
-    function is called in Python, each member costs as much as `solve`.
+    milliseconds more, which threads hardly reduce (convergence/ensembles.py). With rtol, events,
+    switches or changes, and if a function is called in Python, each member costs as much as
+    `solve`.
 
     Examples
     --------
@@ -157,6 +184,15 @@ def ensemble(
     >>> found = hd.ensemble(eq, 2.0, 200, params=np.linspace(0.5, 2.0, 100))
     >>> found.y.shape, bool(found.success.all())
     ((100, 201, 1), True)
+
+    A dose at t = 1 for all:
+
+    >>> found = hd.ensemble(
+    ...     eq, 2.0, 200, params=[0.5, 1.0], changes={1.0: lambda t, y: y + 1.0}, t_eval=[0.99, 1.0]
+    ... )
+    >>> found.y[:, :, 0].round(2)
+    array([[0.61, 1.61],
+           [0.41, 1.41]])
     """
     equation = current_equation(equation)
     members = _Members(equation, params, y0)
@@ -167,14 +203,12 @@ def ensemble(
     times = evaluation_times(t_eval, start, t_last)
     threads = threads if threads is None else count("threads", threads)
     began = time.perf_counter()
-    how = {"scheme": scheme, "history": history, "rtol": rtol, "atol": atol, "n_steps": n_steps}
-    how |= {"breaks": breaks}
+    stepping = {"rtol": rtol, "atol": atol, "n_steps": n_steps, "max_step": max_step}
+    how = {"scheme": scheme, "history": history, "breaks": breaks, "events": listed(events)}
+    how |= {"switches": listed(switches), "components": kept_components(equation, components)}
     kept = steps = None
-    if rtol is None and not chooses_steps(scheme):
-        if atol is not None:
-            refuse("atol", "come with rtol", atol)
-        span, system = t_last - start, equation.system
-        steps = how_to_step(system, scheme, span, history=history, n_steps=n_steps)
+    if not chooses_steps(scheme):
+        steps = how_to_step(equation.system, scheme, t_last - start, history=history, **stepping)
         kept = _kept(steps, save_every, times, start)
         times = start + steps.h * kept
         times[-1] = t_last if kept[-1] == steps.n else times[-1]
@@ -183,9 +217,19 @@ def ensemble(
         refuse("save_every", required, save_every, "give t_eval")
     elif times is None:
         times = np.array([start, t_last])
-    run = _Run(members, times, t_last, kept, steps, how)
+    run = _Run(members, times, t_last, kept, steps, stepping | how, _each(changes, members.size))
     run.march(1 if equation.system.callbacks else threads, progress)
     return run.close(time.perf_counter() - began)
+
+
+def _each(changes: Any, size: int) -> list[Mapping]:
+    """Check `changes` and return the changes of each of `size` members."""
+    if not isinstance(changes, list | tuple):
+        return [{} if changes is None else mapping("changes", changes, CHANGES)] * size
+    if len(changes) != size:
+        required = f"be a mapping, or one for each of the {size} members"
+        refuse("changes", required, f"{len(changes)} mappings")
+    return [mapping(f"changes[{m}]", own, CHANGES) for m, own in enumerate(changes)]
 
 
 def _kept(steps: Any, save_every: int, times: np.ndarray | None, start: float) -> np.ndarray:
@@ -281,16 +325,21 @@ class _Run:
     """Members of which some are solved: their rows, and how each ended.
 
     `kept` (n,) are the numbers of the steps, of `UniformSteps`, whose rows are kept. Both are None
-    if a tolerance chooses steps.
+    if a tolerance chooses steps. `changes` are those of each member.
     """
 
     def __init__(
-        self, members: Any, times: np.ndarray, t_end: float, kept: Any, steps: Any, how: dict
-    ) -> None:
+        self, members: Any, times: np.ndarray, t_end: float, kept: Any, steps: Any, how: dict,
+        changes: list[Mapping],
+    ) -> None:  # fmt: skip
         self._members, self._times, self._t_end = members, times, t_end
-        self._kept, self._steps, self._how = kept, steps, how
+        self._kept, self._steps, self._how, self._changes = kept, steps, how, changes
         size, frame = members.size, members.base.system.frame
-        width = frame.values(members.base.y0[0]).size
+        every = frame.values(members.base.y0[0])
+        self._chosen = slice(None) if how["components"] is None else how["components"]
+        width, n_events = every[self._chosen].size, len(how["events"])
+        none = [np.empty(0)] * n_events, [np.empty((0, every.size), every.dtype)] * n_events
+        self._events = [none] * size
         numbers = width * (2 if frame.paired else 1)
         _, y, ydot = room_for(size * times.size, numbers, how["n_steps"] is not None)
         shape = size, times.size, width
@@ -331,16 +380,19 @@ class _Run:
 
     def _worker(self) -> Callable:
         """Return a function that solves remaining members: `most` of them, or all."""
-        base, one = self._members.base, self._solve
+        base, one, how = self._members.base, self._solve, self._how
         # a function in Python reads the parameters of its own equation, so each member needs a
         # separate stepper
-        if self._kept is not None and not (base.system.callbacks or base.system.delays):
-            history, t_end = self._how["history"], self._t_end - base.t_start
-            run = base.system, self._how["scheme"], history, self._steps
+        alone = base.system.callbacks or base.system.delays
+        if self._kept is not None and not (
+            alone or how["events"] or how["switches"] or any(self._changes)
+        ):
+            history, t_end = how["history"], self._t_end - base.t_start
+            run = base.system, how["scheme"], history, self._steps
             members = self._members.params, self._members.inside, self._plan
             stepper, end = open_members(*run, *members), self._steps.n
             self._plan = stepper.plan
-            stepper.set_breaks(checked_breaks(self._how["breaks"], base.t_start), t_end)
+            stepper.set_breaks(checked_breaks(how["breaks"], base.t_start), t_end)
 
             def one(m: int) -> None:
                 self._march(stepper, end, m)
@@ -366,8 +418,8 @@ class _Run:
                 first, last = np.searchsorted(kept, [n + (n > 0), stepper.position + 1])
                 chosen = kept[first:last] - n
                 y, slopes = piece.rows[chosen], piece.slopes[chosen]
-                self._y[m, first:last] = frame.values(y)
-                self._ydot[m, first:last] = frame.slopes(y, slopes)
+                self._y[m, first:last] = frame.values(y)[:, self._chosen]
+                self._ydot[m, first:last] = frame.slopes(y, slopes)[:, self._chosen]
 
         try:
             stepper.begin(m)
@@ -390,7 +442,8 @@ class _Run:
         try:
             with silence():
                 equation = self._members.equation(m)
-                found = solve(equation, self._t_end, t_eval=self._times, **self._how)
+                how = self._how | {"changes": self._changes[m], "estimate": False}
+                found = solve(equation, self._t_end, t_eval=self._times, **how)
         except Exception as error:
             found = getattr(error, "result", None)
             if found is None:
@@ -403,6 +456,7 @@ class _Run:
         self._y[m, :n] = found.y
         if found.ydot is not None:
             self._ydot[m, :n] = found.ydot
+        self._events[m] = found.t_events, found.y_events
         self._ends[m] = (found.status, found.message, found.stats["n_steps"], found.stats["n_rhs"])
         if found.status is Status.INTERRUPTED:
             self._interruption.asked = self._interruption.heeded = True
@@ -413,7 +467,8 @@ class _Run:
             raise self._refused[0]
         ends, messages, n_steps, n_rhs = zip(*self._ends, strict=True)
         failing = [m for m, end in enumerate(ends) if end is not Status.COMPLETED]
-        unasked = [ends[m] for m in failing if ends[m] is not Status.INTERRUPTED]
+        asked = Status.INTERRUPTED, Status.EVENT
+        unasked = [ends[m] for m in failing if ends[m] not in asked]
         if unasked:
             found = ", ".join(f"{n} {end}" for end, n in Counter(unasked).items())
             unstable = any(end in _UNSTABLE for end in unasked)
@@ -430,4 +485,6 @@ class _Run:
             status=np.array([str(end) for end in ends]),
             messages={m: messages[m] for m in failing},
             stats={"n_steps": np.array(n_steps), "n_rhs": np.array(n_rhs), "seconds": seconds},
+            t_events=[times for times, _ in self._events] if self._how["events"] else [],
+            y_events=[rows for _, rows in self._events] if self._how["events"] else [],
         )

@@ -18,9 +18,6 @@ def decay(t, y, p):
     return -p[0] * y
 
 
-# what an equation may be made of, with members and a scheme that takes it
-
-
 def alone(equation, tables, m, t_end, *arguments, **how):
     """The run of one member by itself."""
     changed = {name: table[m] for name, table in tables.items()}
@@ -39,6 +36,16 @@ def assert_equal(found, m, sol):
     assert found.messages.get(m, hd.Status.COMPLETED.sentence) == sol.message
     assert found.stats["n_rhs"][m] == sol.stats["n_rhs"]
     assert found.stats["n_steps"][m] == sol.stats["n_steps"]
+    assert_same_events(found, m, sol)
+
+
+def assert_same_events(found, m, sol):
+    own = (found.t_events[m], found.y_events[m]) if found.t_events else ([], [])
+    for parts, theirs in zip(own, (sol.t_events, sol.y_events), strict=True):
+        assert len(parts) == len(theirs)
+        for part, other in zip(parts, theirs, strict=True):
+            assert part.shape == other.shape
+            assert np.array_equal(part, other)
 
 
 @settings(max_examples=25)
@@ -57,6 +64,89 @@ def test_any_members_are_the_runs_by_themselves(rates, n_steps, save_every, sche
         for m in range(len(rates)):
             sol = alone(equation, {"params": rates}, m, 1.0, n_steps, **how)
             assert_equal(found, m, sol)
+
+
+def absorbed(t, y, p):
+    """A dose in the gut, y[0], goes over into the blood, y[1]."""
+    return [-p[0] * y[0], p[0] * y[0] - p[1] * y[1]]
+
+
+def dose(t, y):
+    return [y[0] + 1.0, y[1]]
+
+
+def double_dose(t, y):
+    return [y[0] + 2.0, y[1]]
+
+
+def low(t, y):
+    return y[0] - 0.3
+
+
+def refill(t, y):
+    return y[0] - 0.3
+
+
+def last(t, y):
+    return y[0] - 0.3
+
+
+def gate(t, y):
+    return y[0] - 0.5
+
+
+low.direction, refill.change, last.terminal = -1, dose, True
+# Arguments of runs, the same for all members; "each" has one for each of three.
+ABILITIES = {
+    "changes": {"changes": {0.51: dose, 1.0: double_dose}},
+    "changes of each": {"each": [{0.51: dose}, {}, {0.7: double_dose, 1.1: dose}]},
+    "events": {"events": [low, refill]},
+    "a terminal event": {"events": last, "changes": {0.51: dose}},
+    "switches": {"switches": gate},
+    "components": {"components": [1]},
+    "all": {"events": low, "switches": gate, "changes": {0.51: dose}, "components": [1, 0]},
+}
+TIMES = [0.0, 0.4, 0.51, 1.5, 2.0]
+WAYS = {
+    "explicit": {"n_steps": 100},
+    "BDF(2)": {"n_steps": 100, "scheme": hd.BDF(2)},
+    "tolerance": {"rtol": 1e-6, "t_eval": TIMES, "max_step": 0.1},
+}
+
+
+@pytest.mark.parametrize("way", WAYS)
+@pytest.mark.parametrize("ability", ABILITIES)
+def test_members_take_what_single_runs_take(ability, way):
+    equation = hd.Equation(hd.Caputo(0.8), absorbed, [1.0, 0.0], [1.0, 0.5])
+    tables = {"params": [[0.5, 1.0], [1.0, 0.5], [3.0, 1.0]]}
+    given = dict(ABILITIES[ability])
+    each, how = given.pop("each", None), WAYS[way]
+    more = {} if each is None else {"changes": each}
+    found = hd.ensemble(equation, 2.0, **tables, **how, **given, **more)
+    assert found.success.all()
+    for m in range(3):
+        own = given if each is None else {"changes": each[m]}
+        sol = alone(equation, tables, m, 2.0, **how | own | {"t_eval": found.t})
+        assert_equal(found, m, sol)
+        if "n_steps" in how:  # each row of the run itself; a change has one before it and one after
+            run = alone(equation, tables, m, 2.0, **how, **own)
+            after = np.append(np.diff(run.t) > 0, True) & np.isin(run.t, found.t)
+            assert np.array_equal(found.y[m, : after.sum()], run.y[after])
+
+
+def test_members_that_an_event_ends_are_successful_and_have_their_times():
+    equation = hd.Equation(hd.Caputo(0.8), absorbed, [1.0, 0.0], [1.0, 0.5])
+    rates = [[0.5, 1.0], [3.0, 1.0], [0.01, 1.0]]
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        found = hd.ensemble(equation, 2.0, 100, params=rates, events=last)
+    assert found.status.tolist() == ["completed", "event", "completed"]
+    assert found.success.all()
+    assert sorted(found.messages) == [1]
+    assert [len(times) for (times,) in found.t_events] == [0, 1, 0]
+    assert found.y_events[1][0].shape == (1, 2)
+    assert np.isnan(found.y[1, found.t > found.t_events[1][0]]).all()
+    assert "2 of 3 completed, 1 ended by an event" in repr(found)
 
 
 @pytest.mark.parametrize(

@@ -40,7 +40,7 @@ from .output import Kept, Output
 from .run import Drive, note_missed, run
 from .solution import Solution
 
-_CHANGES = "map times to functions change(t, y), e.g. {12.0: dose}"
+CHANGES = "map times to functions change(t, y), e.g. {12.0: dose}"
 # For keywords of other solvers, what a message says to write instead.
 _INSTEAD = {
     "t0": "Equation(..., t_start=t0) sets the start",
@@ -261,10 +261,10 @@ def solve(
     breaks = checked_breaks(() if breaks is None else breaks, start)
     if start != 0 and not isinstance(mesh, Graded | None):
         mesh = real_array("mesh", mesh) - start
-    functions, jumping = _listed(events), _listed(switches)
+    functions, jumping = listed(events), listed(switches)
     began = time.perf_counter()
     system, hybrid = equation.system, None
-    changes = {} if changes is None else mapping("changes", changes, _CHANGES)
+    changes = {} if changes is None else mapping("changes", changes, CHANGES)
     if jumping or changes or any(getattr(f, "change", None) is not None for f in functions):
         from ..hybrid import Hybrid  # a leaf that stands on this room
 
@@ -320,14 +320,19 @@ def _kept(equation: Equation, save_every: Any, times: np.ndarray | None, compone
     save_every = min(count("save_every", whole(save_every)), COUNTED)
     if save_every > 1 and times is not None:
         refuse("save_every", "be left out if t_eval names the rows to keep", save_every)
-    if components is not None:
-        if equation.system.frame.paired or equation.system.frame.speeds:
-            refuse("components", "be left out for complex y and orders above 2", shown(components))
-        components = component_numbers(components, equation.d)
-    return Kept(save_every, times, components)
+    return Kept(save_every, times, kept_components(equation, components))
 
 
-def _listed(functions: Any) -> tuple:
+def kept_components(equation: Equation, components: Any) -> np.ndarray | None:
+    """Check `components` and return it as an array of numbers of components; None if it is None."""
+    if components is None:
+        return None
+    if equation.system.frame.paired or equation.system.frame.speeds:
+        refuse("components", "be left out for complex y and orders above 2", shown(components))
+    return component_numbers(components, equation.d)
+
+
+def listed(functions: Any) -> tuple:
     """Return an argument as a tuple of functions: it may be one, several or None."""
     functions = () if functions is None else functions
     return tuple(functions) if isinstance(functions, (list, tuple)) else (functions,)
