@@ -43,18 +43,26 @@ def test_a_run_is_made_if_the_declared_abilities_allow_it_and_refused_otherwise(
                 pytest.fail(f"{case}: {case.solve(0.25)}")
 
 
+def stored(sol, path, by_file):
+    """Return the state of a solution from a file, or from a pickle."""
+    if not by_file:
+        return pickle.loads(pickle.dumps(sol.state))
+    sol.save(path / "run.npz")
+    return hd.Solution.load(path / "run.npz").state
+
+
 # One cut a case: each scheme meets each cut with each of its histories, in a third of its families.
 CUTS = [(case, (n + n // 3) % 3) for n, case in enumerate(UNIFORM)]
 
 
 @pytest.mark.parametrize(("case", "which"), CUTS, ids=str)
-def test_a_run_that_was_stopped_goes_on_bit_for_bit(case, which):
+def test_a_run_that_was_stopped_goes_on_bit_for_bit(case, which, tmp_path):
     """Also from a state that was stored, and where a block or a stretch of FFT ends."""
     cut = ((1, 1024, 1025) if case.history == HISTORIES[1] else (1, 32, 65))[which]
     n = LONG if case.history == HISTORIES[1] else N_STEPS
     h, start = T_END / n, (0.0, -2.0, 0.0)[which]
     first, through = case.solve(cut * h, n=cut, start=start), case.solve(n=n, start=start)
-    state = pickle.loads(pickle.dumps(first.state))
+    state = stored(first, tmp_path, by_file=which > 0)
     rest = hd.solve(case.equation(start=start), start + n * h, resume=state, **case.again())
     assert np.array_equal(first.y, through.y[: cut + 1])
     assert np.array_equal(rest.y, through.y[cut:])
@@ -64,19 +72,22 @@ def test_a_run_that_was_stopped_goes_on_bit_for_bit(case, which):
 
 @over([case for case in CASES if case.steps != "uniform"])
 @pytest.mark.parametrize("cut", [1, 40])
-def test_a_run_that_was_stopped_goes_on_as_one(case, cut):
+def test_a_run_that_was_stopped_goes_on_as_one(case, cut, tmp_path):
     """On a mesh bit for bit, or as its modes allow; within the tolerance if steps are chosen."""
     through, how = case.solution(), case.how()
     if case.given:
         mesh, modes = how["mesh"], isinstance(case.history, hd.SumOfExponentials)
         cut = max(cut, 33 if modes else 1)  # modes reach ten times as far as a run
         first = hd.solve(case.equation(), mesh[cut], **how | {"mesh": mesh[: cut + 1]})
-        rest = hd.solve(case.equation(), T_END, resume=first.state, mesh=mesh[cut:])
+        state = stored(first, tmp_path, by_file=True)
+        rest = hd.solve(case.equation(), T_END, resume=state, mesh=mesh[cut:])
         # sums of exponentials are fitted for the mesh that a run is begun with
         assert_close(rest.y, through.y[cut:], case, 10 * TOL if modes else 0.0)
     else:
         first = case.solve(0.5 + 0.02 * cut)
-        rest = hd.solve(case.equation(), T_END, resume=pickle.loads(pickle.dumps(first.state)))
+        states = [stored(first, tmp_path, by_file) for by_file in (True, False)]
+        rest, same = (hd.solve(case.equation(), T_END, resume=state) for state in states)
+        assert np.array_equal(rest.y, same.y)
         assert_close(rest.y[-1], through.y[-1], case)
 
 

@@ -1,5 +1,7 @@
 """Solutions in files and as tables of other packages."""
 
+from dataclasses import dataclass
+
 import numpy as np
 import pytest
 
@@ -53,8 +55,15 @@ def test_a_file_gives_back_events(solution, found):
         assert np.array_equal(rows, kept[1])
 
 
-def test_a_file_has_no_state_and_no_dense_output(found):
-    assert found.state is None
+def test_a_run_goes_on_from_a_file(solution, found):
+    state = found.state
+    assert state.t == solution.state.t
+    assert np.array_equal(state.y, solution.state.y)
+    assert state.identity == solution.state.identity
+    assert state.event_signs == solution.state.event_signs
+
+
+def test_a_file_has_no_dense_output(found):
     with pytest.raises(ValueError, match="kept no dense output"):
         found(0.5)
 
@@ -74,6 +83,62 @@ def test_other_files_are_refused(damage, tmp_path):
         hd.Solution.load(path)
     with pytest.raises(FileNotFoundError):
         hd.Solution.load(tmp_path / "nothing")
+
+
+def changed(path, old, new):
+    """Replace words in the text of a file."""
+    with np.load(path) as loaded:
+        arrays = {name: loaded[name] for name in loaded.files}
+    assert old in str(arrays["text"])
+    arrays["text"] = np.array(str(arrays["text"]).replace(old, new))
+    with open(path, "wb") as file:
+        np.savez(file, **arrays)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "words"),
+    [
+        ('"version": "', '"version": "9.', "resume must come from the same version"),
+        ("hereditary.given.steps.UniformSteps", "builtins.eval", "resume must be of classes that"),
+    ],
+)
+def test_states_of_other_versions_and_classes_are_refused(old, new, words, tmp_path):
+    path = tmp_path / "kept"
+    sol = hd.solve(hd.scenes.relaxation(0.6), 1.0, 50)
+    sol.save(path)
+    changed(path, old, new)
+    found = hd.Solution.load(path)
+    assert np.array_equal(found.y, sol.y)
+    with pytest.raises(ValueError, match=words):
+        found.state  # noqa: B018
+
+
+class Opens:
+    def __reduce__(self):
+        return pytest.fail, ("code of a file was run",)
+
+
+def test_no_code_of_a_file_is_run(tmp_path):
+    with open(tmp_path / "kept", "wb") as file:
+        np.savez(file, t=np.array([Opens()], dtype=object), text=np.array("{}"))
+    with pytest.raises(ValueError, match=r"a solution that Solution\.save wrote"):
+        hd.Solution.load(tmp_path / "kept")
+
+
+@dataclass(frozen=True)
+class Note:
+    size: float = 1.0
+
+
+def test_a_history_that_holds_other_objects_has_rows_alone_in_a_file(tmp_path):
+    history = hd.Direct()
+    object.__setattr__(history, "note", Note())
+    sol = hd.solve(hd.scenes.relaxation(0.6), 1.0, 50, history=history)
+    with pytest.warns(UserWarning, match=r"no state: state\.history\.note is a .*Note"):
+        sol.save(tmp_path / "kept")
+    found = hd.Solution.load(tmp_path / "kept")
+    assert found.state is None
+    assert np.array_equal(found.y, sol.y)
 
 
 def test_pandas(solution):

@@ -39,7 +39,7 @@ _MOST_KINKS = 1000
 _ALIKE = 1e-12
 
 
-class _Solved(NamedTuple):
+class Solved(NamedTuple):
     """Dense output between two times."""
 
     start: float
@@ -47,7 +47,7 @@ class _Solved(NamedTuple):
     piece: Piece
 
 
-class _Remembered(NamedTuple):
+class Remembered(NamedTuple):
     """Data that a march with delays stores beside its inner stepper.
 
     - solved: dense output that a delay still reads.
@@ -57,7 +57,7 @@ class _Remembered(NamedTuple):
     - lifts: for each delay the displacement of y before the start, (d,).
     """
 
-    solved: tuple[_Solved, ...]
+    solved: tuple[Solved, ...]
     roots: tuple[float, ...]
     until: float
     tables: tuple[tuple[np.ndarray, np.ndarray], ...]
@@ -80,7 +80,7 @@ class DelayedStepper(ResumableStepper, JumpingStepper):
         self._inner, self._delays, self._t_end = inner, delays, t_end
         self.system, self.counted = inner.system, inner.counted
         self._breaks = np.zeros(0)
-        self._solved: list[_Solved] = []
+        self._solved: list[Solved] = []
         self._roots: list[float] = [0.0]
         self._error: Exception | None = None
         self._until = inner.t  # time up to which the tables hold
@@ -204,7 +204,7 @@ class DelayedStepper(ResumableStepper, JumpingStepper):
             return None
         piece = self._inner.advance(min(stop, last))
         if piece is not None:
-            self._solved.append(_Solved(start, self._inner.t, piece))
+            self._solved.append(Solved(start, self._inner.t, piece))
         return piece if keep else None
 
     def _earliest(self) -> float:
@@ -250,20 +250,20 @@ class DelayedStepper(ResumableStepper, JumpingStepper):
         )
         start = max(int(np.searchsorted(times, self._earliest(), side="right")) - 1, 0)
         piece = StepPieces(times[start:], rows[start:], slopes[start:])
-        self._solved = [_Solved(float(times[start]), self._until, piece)]
+        self._solved = [Solved(float(times[start]), self._until, piece)]
         return [*parts, piece.rows, piece.slopes]
 
     def checkpoint(self) -> tuple:
         """Return copies of everything that a step changes."""
         return self._inner.checkpoint(), self._remembered()
 
-    def _remembered(self) -> _Remembered:
+    def _remembered(self) -> Remembered:
         """Return copies of the tables and of the dense output that delays read."""
         tables = tuple(delay.content(self._inner.live_params) for delay in self._delays)
         lifts = tuple(delay.lift.copy() for delay in self._delays)
-        return _Remembered(tuple(self._solved), tuple(self._roots), self._until, tables, lifts)
+        return Remembered(tuple(self._solved), tuple(self._roots), self._until, tables, lifts)
 
-    def remember(self, remembered: _Remembered) -> None:
+    def remember(self, remembered: Remembered) -> None:
         """Restore tables and dense output; the inner stepper has already been restored."""
         self._solved, self._roots = list(remembered.solved), list(remembered.roots)
         self._until = remembered.until

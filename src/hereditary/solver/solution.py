@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-import json
 import os
 from collections.abc import Callable
 from dataclasses import dataclass, field, fields
-from functools import cached_property
+from functools import cached_property, partial
 from typing import Any, ClassVar
 
 import numpy as np
@@ -15,10 +14,11 @@ from numpy.typing import ArrayLike
 from ..stepping.dense import Dense, curve
 from ..stepping.state import State
 from ..stepping.status import SolveWarning, StabilityWarning, Status
-from ..support.checks import complaint, one_of, refuse, shown
+from ..support.checks import one_of, refuse, shown
 from ..support.html import paragraph, small_figure, table_html
 from ..support.optional import optional
 from ..support.warning import warn
+from .saving import read_result, state_from, stored_state, take_arrays, write_result
 
 _SAVED = "be a solution that Solution.save wrote"
 # Fields of a solution that `Solution.save` writes as arrays.
@@ -195,27 +195,37 @@ class Solution:
         return xarray.Dataset(variables, coords=coordinates, attrs=attributes)
 
     def save(self, path: str | os.PathLike) -> None:
-        """Write rows, events, status and stats to a compressed .npz file, named exactly `path`.
+        """Write rows, events, status, stats and the state to a compressed .npz file, named `path`.
 
-        The file has no state and no dense output: pickle the solution to resume it later.
+        The file has no dense output: pickle the solution to call it later.
 
         Parameters
         ----------
         path : path-like
+
+        Warns
+        -----
+        UserWarning
+            A scheme or a history of the user has attributes other than numbers and arrays. The file
+            has no state then.
         """
         arrays = {name: getattr(self, name) for name in _ARRAYS}
-        arrays = {name: array for name, array in arrays.items() if array is not None}
         for k, (times, rows) in enumerate(zip(self.t_events, self.y_events, strict=True)):
             arrays |= {f"t_events_{k}": times, f"y_events_{k}": rows}
         kept: dict[str, Any] = {"status": str(self.status), "message": self.message}
         kept["stats"] = {name: _plain(value) for name, value in self.stats.items()}
-        arrays["text"] = np.array(json.dumps(kept))
-        with open(path, "wb") as file:
-            np.savez_compressed(file, **arrays)
+        if self.state is not None:
+            of_state: dict[str, Any] = {}
+            try:
+                kept["state"] = stored_state(self.state, of_state)
+                arrays |= of_state
+            except TypeError as error:
+                warn(f"the file has no state: {error}; pickle the state instead", UserWarning)
+        write_result(path, arrays, kept)
 
     @classmethod
     def load(cls, path: str | os.PathLike) -> Solution:
-        """Read a solution that `save` wrote.
+        """Read a solution that `save` wrote. No code of the file is run.
 
         Parameters
         ----------
@@ -224,37 +234,41 @@ class Solution:
         Returns
         -------
         Solution
-            Without state and dense output.
+            Without dense output.
 
         Examples
         --------
         >>> import os, tempfile
         >>> import hereditary as hd
-        >>> sol = hd.solve(hd.scenes.relaxation(0.5), 1.0, rtol=1e-6)
+        >>> equation = hd.scenes.relaxation(0.5)
+        >>> sol = hd.solve(equation, 1.0, rtol=1e-6)
         >>> path = os.path.join(tempfile.mkdtemp(), "relaxation.npz")
         >>> sol.save(path)
-        >>> bool((hd.Solution.load(path).y == sol.y).all())
+        >>> loaded = hd.Solution.load(path)
+        >>> bool((loaded.y == sol.y).all())
         True
+
+        Later the run goes on:
+
+        >>> hd.solve(equation, 2.0, resume=loaded.state)(2.0).round(4)
+        array([0.3362])
         """
-        try:
-            with open(path, "rb") as file, np.load(file, allow_pickle=False) as loaded:
-                arrays = {name: loaded[name] for name in loaded.files}
-            kept = json.loads(str(arrays.pop("text")))
-            n_events = sum(name.startswith("t_events_") for name in arrays)
-            events = {
-                name: [arrays.pop(f"{name}_{k}") for k in range(n_events)]
-                for name in ("t_events", "y_events")
-            }
-            statuses = {str(status): status for status in Status}
-            known = {"status": statuses[kept["status"]], "message": kept["message"]}
-            known |= {"stats": kept["stats"], "left": None, "ydot": None}
-            if not {"t", "y"} <= arrays.keys() <= {field.name for field in fields(cls)}:
-                raise KeyError("t, y")
-            return cls(**(known | arrays | events))
-        except (FileNotFoundError, IsADirectoryError, PermissionError):
-            raise
-        except Exception as error:  # what a damaged or foreign file raises depends on its bytes
-            raise ValueError(complaint("path", _SAVED, repr(path))) from error
+        return read_result(path, _SAVED, cls._from_file)
+
+    @classmethod
+    def _from_file(cls, arrays: dict[str, np.ndarray], kept: dict[str, Any]) -> Solution:
+        """Return a solution from the arrays and the plain values of a file."""
+        n_events = sum(name.startswith("t_events_") for name in arrays)
+        events = {
+            name: [arrays.pop(f"{name}_{k}") for k in range(n_events)]
+            for name in ("t_events", "y_events")
+        }
+        of_state, state = take_arrays(arrays), kept.get("state")
+        known = {"status": Status(kept["status"]), "message": kept["message"], "ydot": None}
+        known |= {"left": state and partial(state_from, state, of_state), "stats": kept["stats"]}
+        if not {"t", "y"} <= arrays.keys() <= {field.name for field in fields(cls)}:
+            raise KeyError("t, y")
+        return cls(**(known | arrays | events))
 
     def __repr__(self) -> str:
         rows = f"{self.t.size} rows of {self.y.shape[1]} components"

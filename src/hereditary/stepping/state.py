@@ -94,13 +94,18 @@ def _arrays(part: Any) -> list[np.ndarray]:
 
 def check_sound(state: Any) -> None:
     """Refuse a state of another version of the library, or with arrays that have been changed."""
-    here, version = _version(), getattr(state, "version", "another one")
-    if version != here:
-        required = f"come from the same version of hereditary, here {here}"
-        refuse("resume", required, version, "start anew")
+    check_version(getattr(state, "version", "another one"))
     if state.layout != layout_of(state):
         required, got = "be a state as a run left it", "arrays of other shapes or types"
         refuse("resume", required, got, "start anew")
+
+
+def check_version(version: str) -> None:
+    """Refuse a state that another version of the library made."""
+    here = _version()
+    if version != here:
+        required = f"come from the same version of hereditary, here {here}"
+        refuse("resume", required, version, "start anew")
 
 
 def layout_of(state: State) -> list[tuple]:
