@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import time
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
@@ -21,6 +22,8 @@ from .solver.opening import chooses_steps, how_to_step
 from .solver.output import room_for
 from .solver.progress import Interruption, ProgressBar
 from .solver.run import Drive, reached_end, report
+from .solver.saving import read_result, write_result
+from .solver.solution import labelled_columns
 from .solver.solve import (
     CHANGES,
     chosen_scheme,
@@ -35,9 +38,13 @@ from .stepping.status import Ending, SolveWarning, StabilityWarning, Status
 from .stepping.times import checked_breaks
 from .support.checks import count, mapping, real_array, refuse, refuse_masked, shown, whole
 from .support.machine import cores
+from .support.optional import optional
 from .support.warning import silence, warn
 
+_SAVED = "be an ensemble that Ensemble.save wrote"
 _UNSTABLE = (Status.STEP_TOO_LARGE, Status.ZIGZAG)
+# Entries of `Ensemble.stats` that have one number for each member.
+_COUNTS = "n_steps", "n_rhs"
 # Members that are timed to choose the number of threads.
 _TIMED = 4
 # Least seconds per member for several threads. Python prepares each member for 0.15 ms, during
@@ -83,6 +90,86 @@ class Ensemble:
     def success(self) -> np.ndarray:
         """Whether each run reached its end or a terminal event, with stable steps; shape (E,)."""
         return np.isin(self.status, (Status.COMPLETED.value, Status.EVENT.value))
+
+    def to_pandas(self) -> Any:
+        """Return the rows as a pandas DataFrame.
+
+        Returns
+        -------
+        pandas.DataFrame
+            Indexed by "member" and "t", with columns "y[0]", "y[1]", ... and, if there is y',
+            "ydot[0]", ...
+        """
+        pandas = optional("pandas", "to_pandas")
+        tables = {"y": self.y, "ydot": self.ydot}
+        flat = {name: a if a is None else a.reshape(-1, a.shape[2]) for name, a in tables.items()}
+        axes = range(len(self)), self.t
+        index = pandas.MultiIndex.from_product(axes, names=["member", "t"])
+        return pandas.DataFrame(labelled_columns(**flat), index=index)
+
+    def to_xarray(self) -> Any:
+        """Return the rows as an xarray Dataset.
+
+        Returns
+        -------
+        xarray.Dataset
+            Variables y and, if there is y', ydot over "member", "t" and "component"; status,
+            n_steps and n_rhs over "member".
+        """
+        xarray = optional("xarray", "to_xarray")
+        tables = {"y": self.y, "ydot": self.ydot}
+        dims = ["member", "t", "component"]
+        variables = {name: (dims, array) for name, array in tables.items() if array is not None}
+        of_member = {name: self.stats[name] for name in _COUNTS} | {"status": self.status}
+        variables |= {name: (dims[:1], array) for name, array in of_member.items()}
+        coordinates = dict(zip(dims[::2], map(np.arange, self.y.shape[::2]), strict=True))
+        attributes = {"seconds": self.stats["seconds"]}
+        return xarray.Dataset(variables, coords=coordinates | {"t": self.t}, attrs=attributes)
+
+    def save(self, path: str | os.PathLike) -> None:
+        """Write all results to a compressed .npz file, named exactly `path`.
+
+        Parameters
+        ----------
+        path : path-like
+        """
+        arrays = {"t": self.t, "y": self.y, "ydot": self.ydot, "status": self.status}
+        arrays |= {name: self.stats[name] for name in _COUNTS}
+        for k, of_members in enumerate(zip(*self.t_events, strict=True)):
+            arrays[f"n_events_{k}"] = np.array([len(times) for times in of_members])
+            arrays[f"t_events_{k}"] = np.concatenate(of_members)
+            arrays[f"y_events_{k}"] = np.concatenate([rows[k] for rows in self.y_events])
+        text = {"messages": self.messages, "seconds": self.stats["seconds"]}
+        write_result(path, arrays, text)
+
+    @classmethod
+    def load(cls, path: str | os.PathLike) -> Ensemble:
+        """Read an ensemble that `save` wrote. No code of the file is run.
+
+        Parameters
+        ----------
+        path : path-like
+
+        Returns
+        -------
+        Ensemble
+        """
+        return read_result(path, _SAVED, cls._from_file)
+
+    @classmethod
+    def _from_file(cls, arrays: dict[str, np.ndarray], text: dict[str, Any]) -> Ensemble:
+        """Return an ensemble from the arrays and the plain values of a file."""
+        events: dict[str, list] = {"t_events": [], "y_events": []}
+        counts = [arrays[f"n_events_{k}"] for k in range(sum("n_events" in a for a in arrays))]
+        for name, found in events.items():
+            parts = [
+                np.split(arrays[f"{name}_{k}"], np.cumsum(own)[:-1]) for k, own in enumerate(counts)
+            ]
+            found.extend(map(list, zip(*parts, strict=True)))
+        stats = {name: arrays[name] for name in _COUNTS} | {"seconds": text["seconds"]}
+        messages = {int(m): message for m, message in text["messages"].items()}
+        rows = (arrays["t"], arrays["y"], arrays.get("ydot"), arrays["status"])
+        return cls(*rows, messages, stats, **events)
 
     def __len__(self) -> int:
         return len(self.y)

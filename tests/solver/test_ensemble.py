@@ -272,3 +272,60 @@ def test_times_of_steps():
     some = hd.ensemble(equation, 1.0, 40, params=[0.5, 2.0], t_eval=[0.1, 0.5])
     assert np.array_equal(some.y, whole.y[:, [4, 20]])
     assert np.array_equal(some.stats["n_steps"], [40, 40])
+
+
+@pytest.fixture(params=["plain", "events", "above 1", "complex"])
+def members(request):
+    """An ensemble of three, of each kind of result."""
+    if request.param == "events":
+        equation = hd.Equation(hd.Caputo(0.8), absorbed, [1.0, 0.0], [1.0, 0.5])
+        rates = [[0.5, 1.0], [3.0, 1.0], [0.01, 1.0]]
+        return hd.ensemble(equation, 2.0, 100, params=rates, events=[low, last])
+    if request.param == "above 1":
+        equation = hd.Equation(hd.Caputo(1.5), decay, [1.0, 0.0], [1.0])
+    else:
+        y0 = 1.0 + 1.0j if request.param == "complex" else 1.0
+        equation = hd.Equation(hd.Caputo(0.8), decay, y0, [1.0])
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", hd.SolveWarning)
+        return hd.ensemble(equation, 2.0, 20, params=[0.5, 1e6, 2.0])
+
+
+def test_a_file_gives_back_an_ensemble(members, tmp_path):
+    members.save(tmp_path / "kept")
+    found = hd.Ensemble.load(tmp_path / "kept")
+    for name in ("t", "y", "ydot", "status"):
+        kept, given = getattr(found, name), getattr(members, name)
+        assert (kept is None) == (given is None)
+        assert given is None or (kept.dtype == given.dtype and kept.tobytes() == given.tobytes())
+    assert found.messages == members.messages
+    assert found.stats["seconds"] == members.stats["seconds"]
+    assert np.array_equal(found.stats["n_rhs"], members.stats["n_rhs"])
+    assert len(found.t_events) == len(members.t_events)
+    for own, theirs in zip(found.t_events, members.t_events, strict=True):
+        assert [times.tolist() for times in own] == [times.tolist() for times in theirs]
+    for own, theirs in zip(found.y_events, members.y_events, strict=True):
+        assert [rows.tolist() for rows in own] == [rows.tolist() for rows in theirs]
+    with pytest.raises(ValueError, match=r"a solution that Solution\.save wrote"):
+        hd.Solution.load(tmp_path / "kept")
+
+
+def test_pandas(members):
+    pytest.importorskip("pandas")
+    frame = members.to_pandas()
+    assert frame.index.names == ["member", "t"]
+    for m, rows in enumerate(members.y):
+        assert np.array_equal(frame.loc[m].index, members.t)
+        assert np.array_equal(frame.loc[m]["y[0]"], rows[:, 0], equal_nan=True)
+    assert ("ydot[0]" in frame) == (members.ydot is not None)
+
+
+def test_xarray(members):
+    pytest.importorskip("xarray")
+    data = members.to_xarray()
+    assert data.y.dims == ("member", "t", "component")
+    assert np.array_equal(data.y, members.y, equal_nan=True)
+    assert np.array_equal(data.t, members.t)
+    assert data.status.values.tolist() == members.status.tolist()
+    assert data.n_steps.dims == ("member",)
+    assert ("ydot" in data) == (members.ydot is not None)

@@ -167,13 +167,7 @@ class Solution:
             Indexed by t, with columns "y[0]", "y[1]", ... and, if there is y', "ydot[0]", ...
         """
         pandas = optional("pandas", "to_pandas")
-        values = {"y": self.y, "ydot": self.ydot}
-        columns = {
-            f"{name}[{c}]": rows[:, c]
-            for name, rows in values.items()
-            if rows is not None
-            for c in range(rows.shape[1])
-        }
+        columns = labelled_columns(y=self.y, ydot=self.ydot)
         return pandas.DataFrame(columns, index=pandas.Index(self.t, name="t"))
 
     def to_xarray(self) -> Any:
@@ -274,6 +268,16 @@ class Solution:
         rows = f"{self.t.size} rows of {self.y.shape[1]} components"
         times = f", t = {self.t[0]:g} .. {self.t[-1]:g}" if self.t.size else ""
         return f"Solution({self.message}; {rows}{times})"
+
+
+def labelled_columns(**tables: np.ndarray | None) -> dict[str, np.ndarray]:
+    """Return the columns of tables (n, d) that are not None, labelled "y[0]", "y[1]", ..."""
+    return {
+        f"{name}[{c}]": rows[:, c]
+        for name, rows in tables.items()
+        if rows is not None
+        for c in range(rows.shape[1])
+    }
 
 
 def _plain(value: Any) -> Any:
