@@ -510,6 +510,8 @@ TABLES = [
         ({"params": [1.0], "threads": 0}, "threads must be a positive integer"),
         ({"params": [1.0], "atol": 1e-6}, "atol must be left out or come with"),
         ({"params": [1.0], "max_step": 0.1}, "max_step must be left out or come with"),
+        ({"params": [1.0], "workers": 0}, "workers must be a positive integer"),
+        ({"params": [1.0], "workers": 2, "threads": 2}, "threads must be left out with workers"),
         ({"params": [1.0], "components": [1]}, "components must be numbers of components, 0 to 0"),
         ({"params": [1.0], "changes": [{}, {}]}, "one for each of the 1 members, got 2"),
         ({"params": [1.0], "changes": [3]}, r"changes\[0\] must map times to functions"),

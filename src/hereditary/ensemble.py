@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import multiprocessing
 import os
+import sys
 import time
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import FIRST_COMPLETED, ProcessPoolExecutor, ThreadPoolExecutor, wait
 from dataclasses import dataclass, field
 from itertools import islice
 from typing import Any
@@ -36,7 +38,16 @@ from .solver.solve import (
 from .stepping.scheme import Scheme
 from .stepping.status import Ending, SolveWarning, StabilityWarning, Status
 from .stepping.times import checked_breaks
-from .support.checks import count, mapping, real_array, refuse, refuse_masked, shown, whole
+from .support.checks import (
+    count,
+    left_out,
+    mapping,
+    real_array,
+    refuse,
+    refuse_masked,
+    shown,
+    whole,
+)
 from .support.machine import cores
 from .support.optional import optional
 from .support.warning import silence, warn
@@ -51,6 +62,12 @@ _TIMED = 4
 # which other threads wait. 512 Riccati equations of 50 steps take 160 ms on one thread and 240 on
 # two. With ten times this value most ensembles would run on one core.
 _SHORT = 4e-4
+
+
+# Parts into which the members of each process are divided, so that all end at about the same time.
+_PARTS = 8
+# Seconds between two checks for Ctrl-C while processes solve members.
+_CHECK = 0.1
 
 
 @dataclass(frozen=True, eq=False)
@@ -168,8 +185,8 @@ class Ensemble:
             found.extend(map(list, zip(*parts, strict=True)))
         stats = {name: arrays[name] for name in _COUNTS} | {"seconds": text["seconds"]}
         messages = {int(m): message for m, message in text["messages"].items()}
-        rows = (arrays["t"], arrays["y"], arrays.get("ydot"), arrays["status"])
-        return cls(*rows, messages, stats, **events)
+        rows = arrays["t"], arrays["y"], arrays.get("ydot"), arrays["status"]
+        return cls(*rows, messages, stats, events["t_events"], events["y_events"])
 
     def __len__(self) -> int:
         return len(self.y)
@@ -201,6 +218,7 @@ def ensemble(
     t_eval: ArrayLike | None = None,
     components: ArrayLike | None = None,
     threads: int | None = None,
+    workers: int | None = None,
     progress: bool = False,
 ) -> Ensemble:
     """Solve one equation for many parameters or initial values, on all cores.
@@ -237,6 +255,11 @@ def ensemble(
     threads : int, optional
         By default as many as there are cores; one if members take less than 0.4 ms each, or if a
         function is called in Python.
+    workers : int, optional
+        Solve the members in so many processes instead, on Linux. They are copies of this one, so
+        that any function is allowed. Results are the same to the last bit. Use them with rtol,
+        events, switches or changes, and functions called in Python: there Python takes most of the
+        time, and Python runs in one thread at a time.
     progress : bool, optional
         Show a progress bar, on a terminal only.
 
@@ -289,8 +312,14 @@ def ensemble(
     save_every = count("save_every", whole(save_every))
     times = evaluation_times(t_eval, start, t_last)
     threads = threads if threads is None else count("threads", threads)
+    workers = workers if workers is None else _processes(workers, threads)
     began = time.perf_counter()
-    stepping = {"rtol": rtol, "atol": atol, "n_steps": n_steps, "max_step": max_step}
+    stepping: dict[str, Any] = {
+        "rtol": rtol,
+        "atol": atol,
+        "n_steps": n_steps,
+        "max_step": max_step,
+    }
     how = {"scheme": scheme, "history": history, "breaks": breaks, "events": listed(events)}
     how |= {"switches": listed(switches), "components": kept_components(equation, components)}
     kept = steps = None
@@ -305,8 +334,20 @@ def ensemble(
     elif times is None:
         times = np.array([start, t_last])
     run = _Run(members, times, t_last, kept, steps, stepping | how, _each(changes, members.size))
-    run.march(1 if equation.system.callbacks else threads, progress)
+    if workers is None:
+        run.march(1 if equation.system.callbacks else threads, progress)
+    else:
+        run.march_in_processes(workers, progress)
     return run.close(time.perf_counter() - began)
+
+
+def _processes(workers: Any, threads: int | None) -> int:
+    """Check the number of processes and return it."""
+    left_out("with workers", threads=threads)
+    if sys.platform != "linux":
+        remedy = "use hd.sweep with an executor"
+        refuse("workers", "be left out on systems other than Linux", sys.platform, remedy)
+    return count("workers", workers)
 
 
 def _each(changes: Any, size: int) -> list[Mapping]:
@@ -437,7 +478,8 @@ class _Run:
         self._ends = [(Status.INTERRUPTED, Status.INTERRUPTED.sentence, 0, 0)] * size
         self._left, self._done = iter(range(size)), 0
         self._interruption = Interruption()
-        self._refused: dict[int, Exception] = {}
+        self._refused: set[int] = set()
+        self._refusal: Exception | None = None  # of the first member
         self._plan: Any = None
         self._no_bar = ProgressBar(False)
 
@@ -446,14 +488,14 @@ class _Run:
         interruption, bar = self._interruption, ProgressBar(progress)
         try:
             with interruption, ThreadPoolExecutor(threads or cores()) as pool:
-                work = self._worker()
+                work = self.worker()
                 work(1, bar)  # compiles what is needed
                 if threads is None:
                     began = time.perf_counter()
                     work(_TIMED, bar)
                     threads = 1 if time.perf_counter() - began < _TIMED * _SHORT else cores()
                 n_others = min(threads, self._members.size) - 1
-                others = [pool.submit(self._worker()) for _ in range(n_others)]
+                others = [pool.submit(self.worker()) for _ in range(n_others)]
                 try:
                     work(None, bar)
                 except BaseException:
@@ -465,7 +507,47 @@ class _Run:
         finally:
             bar.close()
 
-    def _worker(self) -> Callable:
+    def march_in_processes(self, workers: int, progress: bool) -> None:
+        """March all members, in processes that are copies of this one, until Ctrl-C."""
+        interruption, bar = self._interruption, ProgressBar(progress)
+        size = self._members.size
+        n_each = -(-size // (_PARTS * workers))
+        pool = ProcessPoolExecutor(
+            workers, multiprocessing.get_context("fork"), initializer=_adopt, initargs=(self,)
+        )
+        try:
+            with interruption, pool:
+                self.worker()(1, bar)  # compiles what is needed, before the process is copied
+                parts = [range(m, min(m + n_each, size)) for m in range(1, size, n_each)]
+                waiting = {pool.submit(_solved_part, part) for part in parts}
+                while waiting:
+                    ready, waiting = wait(waiting, _CHECK, FIRST_COMPLETED)
+                    for future in ready:
+                        if not future.cancelled():
+                            self._take(*future.result())
+                            bar.update(self._done / size)
+                    if interruption.asked:
+                        interruption.heeded = True
+                        for future in waiting:
+                            future.cancel()
+        finally:
+            bar.close()
+
+    def solved_part(self, work: Callable, members: range) -> tuple[range, list, set[int]]:
+        """Solve these members by `work` in a copy of the process; return what `_take` takes."""
+        self._left, self._refused = iter(members), set()
+        work()
+        results = self._y, self._ydot, self._ends, self._events
+        return members, [part[members.start : members.stop] for part in results], self._refused
+
+    def _take(self, members: range, results: list, refused: set[int]) -> None:
+        """Store the results of members that a copy of the process has solved."""
+        own = slice(members.start, members.stop)
+        self._y[own], self._ydot[own], self._ends[own], self._events[own] = results
+        self._refused |= refused
+        self._done += len(members)
+
+    def worker(self) -> Callable:
         """Return a function that solves remaining members: `most` of them, or all."""
         base, one, how = self._members.base, self._solve, self._how
         # a function in Python reads the parameters of its own equation, so each member needs a
@@ -534,7 +616,8 @@ class _Run:
         except Exception as error:
             found = getattr(error, "result", None)
             if found is None:
-                self._refused[m] = error
+                self._refused.add(m)
+                self._refusal = error if m == 0 else self._refusal
                 status = Status.RHS_FAILED
                 message = f"{status.sentence}: {type(error).__name__}: {error}"
                 self._ends[m] = (status, message, 0, 0)
@@ -550,8 +633,8 @@ class _Run:
 
     def close(self, seconds: float) -> Ensemble:
         """Return the `Ensemble`, and warn of members that did not complete."""
-        if len(self._refused) == len(self._ends):  # arguments that suit no member
-            raise self._refused[0]
+        if self._refusal and len(self._refused) == len(self._ends):
+            raise self._refusal  # arguments that suit no member
         ends, messages, n_steps, n_rhs = zip(*self._ends, strict=True)
         failing = [m for m, end in enumerate(ends) if end is not Status.COMPLETED]
         asked = Status.INTERRUPTED, Status.EVENT
@@ -575,3 +658,19 @@ class _Run:
             t_events=[times for times, _ in self._events] if self._how["events"] else [],
             y_events=[rows for _, rows in self._events] if self._how["events"] else [],
         )
+
+
+def _adopt(run: _Run) -> None:
+    """Let this process, a copy of another, solve members of a run."""
+    global _copied
+    _copied = run, run.worker()
+
+
+def _solved_part(members: range) -> tuple[range, list, set[int]]:
+    """Solve members of the run that this process has adopted."""
+    run, work = _copied
+    return run.solved_part(work, members)
+
+
+# The run of which this process solves members, and what solves them; only in copies of a process.
+_copied: tuple[_Run, Callable]

@@ -2,6 +2,7 @@
 
 import os
 import signal
+import sys
 import threading
 import warnings
 
@@ -264,6 +265,74 @@ def test_ctrl_c_leaves_the_members_that_are_left():
     assert "interrupted" in found.messages[199]
     assert np.all(np.isfinite(found.y[found.success]))
     assert np.all(np.isnan(found.y[-1]))
+
+
+# From Python 3.12 on copies of a process with threads, such as those of a test runner, warn.
+copies = pytest.mark.filterwarnings("ignore:This process .* is multi-threaded:DeprecationWarning")
+on_linux = pytest.mark.skipif(sys.platform != "linux", reason="processes are copied on Linux only")
+
+
+class Called:
+    """A function that is called in Python."""
+
+    def __call__(self, t, y, p):
+        if p[0] == 3.0 and t > 0.1:
+            raise ValueError("too late")
+        return [-p[0] * y[0], p[0] * y[0] - p[1] * y[1]]
+
+
+@copies
+@on_linux
+@pytest.mark.parametrize(
+    "how",
+    [{"n_steps": 40}, {"rtol": 1e-5, "events": [low, last], "changes": {0.51: dose}}],
+    ids=["steps", "tolerance"],
+)
+@pytest.mark.parametrize("rhs", ["compiled", "called"])
+def test_processes_solve_the_same_members(rhs, how):
+    """Also where members fail, and with functions that cannot be sent to another process."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", hd.PythonFunctionWarning)
+        function = Called() if rhs == "called" else absorbed
+        equation = hd.Equation(hd.Caputo(0.8), function, [1.0, 0.0], [1.0, 0.5])
+    tables = {"params": [[rate, 0.5] for rate in (0.5, 0.7, 1.0, 2.0, 3.0, 4.0)]}
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", hd.SolveWarning)
+        found, same = (
+            hd.ensemble(equation, 2.0, **tables, **how, **by)
+            for by in ({"workers": 2}, {"threads": 1})
+        )
+    assert np.array_equal(found.y, same.y, equal_nan=True)
+    assert found.status.tolist() == same.status.tolist()
+    assert found.success[4] == (rhs == "compiled")
+    assert found.messages == same.messages
+    assert np.array_equal(found.stats["n_rhs"], same.stats["n_rhs"])
+    for own, theirs in zip(found.t_events, same.t_events, strict=True):
+        assert [times.tolist() for times in own] == [times.tolist() for times in theirs]
+
+
+@copies
+@on_linux
+def test_ctrl_c_leaves_the_members_of_processes():
+    equation = hd.Equation(hd.Caputo(0.8), decay, 1.0, [1.0])
+    hd.ensemble(equation, 1.0, 100, params=[1.0])  # compiled: the interrupt shall meet the run
+    before = signal.getsignal(signal.SIGINT)
+    timer = threading.Timer(0.3, os.kill, (os.getpid(), signal.SIGINT))
+    timer.start()
+    found = hd.ensemble(equation, 1.0, 10**6, save_every=10**5, params=np.ones(200), workers=2)
+    timer.join()
+    assert signal.getsignal(signal.SIGINT) is before
+    assert set(found.status) <= {"completed", "interrupted"}
+    assert found.status[-1] == "interrupted"
+    assert np.all(np.isfinite(found.y[found.success]))
+    assert np.all(np.isnan(found.y[-1]))
+
+
+def test_other_systems_copy_no_process(monkeypatch):
+    monkeypatch.setattr("sys.platform", "win32")
+    equation = hd.Equation(hd.Caputo(0.8), decay, 1.0, [1.0])
+    with pytest.raises(ValueError, match=r"workers must be left out .*, got win32; use hd\.sweep"):
+        hd.ensemble(equation, 1.0, 10, params=[1.0], workers=2)
 
 
 def test_times_of_steps():

@@ -136,6 +136,7 @@ def _classes() -> set[type]:
 
 
 def _subclasses(cls: type) -> Iterator[type]:
+    each: type
     for each in cls.__subclasses__():
         yield each
         yield from _subclasses(each)
@@ -143,7 +144,9 @@ def _subclasses(cls: type) -> Iterator[type]:
 
 def _contents(part: Any) -> dict[str, Any]:
     """Return the attributes from which an object can be made again."""
-    return part._asdict() if isinstance(part, tuple) else part.__getstate__() or {}
+    if isinstance(part, tuple):
+        return part._asdict()  # type: ignore[attr-defined]
+    return part.__getstate__() or {}
 
 
 def _made(cls: type, contents: dict[str, Any]) -> Any:

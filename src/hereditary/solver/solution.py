@@ -258,7 +258,8 @@ class Solution:
             for name in ("t_events", "y_events")
         }
         of_state, state = take_arrays(arrays), kept.get("state")
-        known = {"status": Status(kept["status"]), "message": kept["message"], "ydot": None}
+        statuses = {str(status): status for status in Status}
+        known = {"status": statuses[kept["status"]], "message": kept["message"], "ydot": None}
         known |= {"left": state and partial(state_from, state, of_state), "stats": kept["stats"]}
         if not {"t", "y"} <= arrays.keys() <= {field.name for field in fields(cls)}:
             raise KeyError("t, y")
