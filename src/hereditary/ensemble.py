@@ -257,9 +257,8 @@ def ensemble(
         function is called in Python.
     workers : int, optional
         Solve the members in so many processes instead, on Linux. They are copies of this one, so
-        that any function is allowed. Results are the same to the last bit. Use them with rtol,
-        events, switches or changes, and functions called in Python: there Python takes most of the
-        time, and Python runs in one thread at a time.
+        that any function is allowed. Results are the same to the last bit. Threads hardly help with
+        rtol, events, switches or changes, nor if a function is called in Python.
     progress : bool, optional
         Show a progress bar, on a terminal only.
 
