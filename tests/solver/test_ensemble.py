@@ -40,6 +40,19 @@ def assert_equal(found, m, sol):
     assert_same_events(found, m, sol)
 
 
+def assert_same_members(found, same):
+    for name in ("t", "y", "ydot", "status"):
+        own, theirs = getattr(found, name), getattr(same, name)
+        assert (own is None) == (theirs is None)
+        assert own is None or (own.dtype == theirs.dtype and own.tobytes() == theirs.tobytes())
+    assert found.messages == same.messages
+    for name in ("n_rhs", "n_steps"):
+        assert np.array_equal(found.stats[name], same.stats[name])
+    for name in ("t_events", "y_events"):
+        for own, theirs in zip(getattr(found, name), getattr(same, name), strict=True):
+            assert [each.tolist() for each in own] == [each.tolist() for each in theirs]
+
+
 def assert_same_events(found, m, sol):
     own = (found.t_events[m], found.y_events[m]) if found.t_events else ([], [])
     for parts, theirs in zip(own, (sol.t_events, sol.y_events), strict=True):
@@ -302,13 +315,8 @@ def test_processes_solve_the_same_members(rhs, how):
             hd.ensemble(equation, 2.0, **tables, **how, **by)
             for by in ({"workers": 2}, {"threads": 1})
         )
-    assert np.array_equal(found.y, same.y, equal_nan=True)
-    assert found.status.tolist() == same.status.tolist()
+    assert_same_members(found, same)
     assert found.success[4] == (rhs == "compiled")
-    assert found.messages == same.messages
-    assert np.array_equal(found.stats["n_rhs"], same.stats["n_rhs"])
-    for own, theirs in zip(found.t_events, same.t_events, strict=True):
-        assert [times.tolist() for times in own] == [times.tolist() for times in theirs]
 
 
 @copies
@@ -363,18 +371,8 @@ def members(request):
 def test_a_file_gives_back_an_ensemble(members, tmp_path):
     members.save(tmp_path / "kept")
     found = hd.Ensemble.load(tmp_path / "kept")
-    for name in ("t", "y", "ydot", "status"):
-        kept, given = getattr(found, name), getattr(members, name)
-        assert (kept is None) == (given is None)
-        assert given is None or (kept.dtype == given.dtype and kept.tobytes() == given.tobytes())
-    assert found.messages == members.messages
+    assert_same_members(found, members)
     assert found.stats["seconds"] == members.stats["seconds"]
-    assert np.array_equal(found.stats["n_rhs"], members.stats["n_rhs"])
-    assert len(found.t_events) == len(members.t_events)
-    for own, theirs in zip(found.t_events, members.t_events, strict=True):
-        assert [times.tolist() for times in own] == [times.tolist() for times in theirs]
-    for own, theirs in zip(found.y_events, members.y_events, strict=True):
-        assert [rows.tolist() for rows in own] == [rows.tolist() for rows in theirs]
     with pytest.raises(ValueError, match=r"a solution that Solution\.save wrote"):
         hd.Solution.load(tmp_path / "kept")
 

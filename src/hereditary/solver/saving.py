@@ -85,7 +85,7 @@ def take_arrays(arrays: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
 def _stored(part: Any, name: str, arrays: dict[str, Any]) -> Any:
     """Return a part of a state as plain values, and add its arrays, whose names begin with `name`.
 
-    Lists and dicts of the result have the type of the part as first entry or only key.
+    A part that is no plain value becomes a dict whose first key is the kind of the part.
     """
     if part is None or type(part) in (bool, int, float, str):
         return part
