@@ -263,14 +263,22 @@ def test_a_tolerance_instead_of_steps():
     assert np.abs(ends.y[:, 1] - found.y[:, 2]).max() < 1e-8
 
 
+# From Python 3.12 on copies of a process with threads, such as those of a test runner, warn.
+copies = pytest.mark.filterwarnings("ignore:This process .* is multi-threaded:DeprecationWarning")
+on_linux = pytest.mark.skipif(sys.platform != "linux", reason="processes are copied on Linux only")
+
+
 @pytest.mark.usefixtures("ctrl_c")
-def test_ctrl_c_leaves_the_members_that_are_left():
+@pytest.mark.parametrize(
+    "by", [{"threads": 2}, pytest.param({"workers": 2}, marks=[copies, on_linux])], ids=str
+)
+def test_ctrl_c_leaves_the_members_that_are_left(by):
     equation = hd.Equation(hd.Caputo(0.8), decay, 1.0, [1.0])
     hd.ensemble(equation, 1.0, 100, params=[1.0])  # compiled: the interrupt shall meet the run
     before = signal.getsignal(signal.SIGINT)
     timer = threading.Timer(0.3, os.kill, (os.getpid(), signal.SIGINT))
     timer.start()
-    found = hd.ensemble(equation, 1.0, 10**6, save_every=10**5, params=np.ones(200), threads=2)
+    found = hd.ensemble(equation, 1.0, 10**6, save_every=10**5, params=np.ones(200), **by)
     timer.join()
     assert signal.getsignal(signal.SIGINT) is before
     assert set(found.status) <= {"completed", "interrupted"}
@@ -278,11 +286,6 @@ def test_ctrl_c_leaves_the_members_that_are_left():
     assert "interrupted" in found.messages[199]
     assert np.all(np.isfinite(found.y[found.success]))
     assert np.all(np.isnan(found.y[-1]))
-
-
-# From Python 3.12 on copies of a process with threads, such as those of a test runner, warn.
-copies = pytest.mark.filterwarnings("ignore:This process .* is multi-threaded:DeprecationWarning")
-on_linux = pytest.mark.skipif(sys.platform != "linux", reason="processes are copied on Linux only")
 
 
 class Called:
@@ -317,23 +320,6 @@ def test_processes_solve_the_same_members(rhs, how):
         )
     assert_same_members(found, same)
     assert found.success[4] == (rhs == "compiled")
-
-
-@copies
-@on_linux
-def test_ctrl_c_leaves_the_members_of_processes():
-    equation = hd.Equation(hd.Caputo(0.8), decay, 1.0, [1.0])
-    hd.ensemble(equation, 1.0, 100, params=[1.0])  # compiled: the interrupt shall meet the run
-    before = signal.getsignal(signal.SIGINT)
-    timer = threading.Timer(0.3, os.kill, (os.getpid(), signal.SIGINT))
-    timer.start()
-    found = hd.ensemble(equation, 1.0, 10**6, save_every=10**5, params=np.ones(200), workers=2)
-    timer.join()
-    assert signal.getsignal(signal.SIGINT) is before
-    assert set(found.status) <= {"completed", "interrupted"}
-    assert found.status[-1] == "interrupted"
-    assert np.all(np.isfinite(found.y[found.success]))
-    assert np.all(np.isnan(found.y[-1]))
 
 
 def test_other_systems_copy_no_process(monkeypatch):
