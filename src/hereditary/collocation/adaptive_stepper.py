@@ -552,7 +552,8 @@ class AdaptiveStepper(ResumableStepper, TangentStepper, JumpingStepper):
         logs = variable.logs(radau_nodes(n))
         history = orbit.history(np.log(h) + logs)
         n_kernels, d = len(form.kernels), self._marched.d
-        local = np.array([convolutions(variable, kernel, h) for kernel in form.kernels])
+        kernels = [orbit.kernel(k) for k in range(n_kernels)]
+        local = np.array([convolutions(variable, kernel, h) for kernel in kernels])
         tables = StepTables(
             np.array([h]), np.eye(n)[None], np.zeros((1, n)), np.zeros((1, n, n)),
             local.reshape(1, n_kernels, n, n),

@@ -34,7 +34,7 @@ _NODES = 24
 # rates share one c.
 _NODES_IF_BENT = 48
 # Smallest time lag at which kernels are evaluated.
-_NEXT_TO_0 = 1e-300
+NEXT_TO_0 = 1e-300
 
 
 class Variable(NamedTuple):
@@ -139,11 +139,11 @@ def convolutions(variable, kernel, h):
     points, v, weights = graded_rule()
     logs = variable.logs(radau_nodes(variable.n))
     ends = h * np.exp(logs)
-    distances = np.maximum(np.multiply.outer(ends, v), _NEXT_TO_0)
+    distances = np.maximum(np.multiply.outer(ends, v), NEXT_TO_0)
     kernels = kernel(distances) * weights * ends[:, None]
     values = _legendre(variable, np.add.outer(logs, np.log(points)))
     # the integral of the kernel over the width that the rule leaves out
-    rest = kernel.integral(np.maximum(ends * LEFT_OUT, _NEXT_TO_0))
+    rest = kernel.integral(np.maximum(ends * LEFT_OUT, NEXT_TO_0))
     return np.einsum("ip,jip->ij", kernels, values) @ to_legendre(variable.n) + np.diag(rest)
 
 

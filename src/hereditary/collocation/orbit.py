@@ -20,7 +20,7 @@ from ..compiled.linalg import product
 from ..kernels.memory_kernel import NO_ERRORS
 from ..kernels.mode_bank import Bank, damping
 from .exponential_basis import NO_KERNELS, NO_POWER_LAWS, kernel_basis, power_law_basis
-from .first_rule import LEFT_OUT, Variable, at_rule, graded_rule
+from .first_rule import LEFT_OUT, NEXT_TO_0, Variable, at_rule, graded_rule
 from .operators import ITSELF, SLOPE
 from .structures import Equations, ExponentialBasis, OrbitArrays
 from .varying import NOTHING_VARIES, varying_basis
@@ -263,25 +263,43 @@ class OrbitAndTangents:
         base = np.zeros((len(self.x), self._form.n_rows, distances.size))
         if self.last_length == 0.0:
             return base
-        n = self.power_laws.rates.size
-        damped = self.bank.real_modes(damping(self.bank.rates, distances).conj(), axis=0)
-        base += self.modes[..., n:] @ damped[n:]
         # the last step by quadrature, because its time lag is too short for the modes; all earlier
         # steps by the modes
-        base += self.before[..., :n] @ damping(self.power_laws.rates, self.last_length + distances)
+        damped = damping(self.bank.rates, self.last_length + distances).conj()
+        base += self.before @ self.bank.real_modes(damped, axis=0)
         _, v, weights = graded_rule()
         log_u, integrands = log_distances - np.log(self.last_length), self._integrands()
-        u = np.exp(log_u)
         for row, (c, q, k, coefficient) in enumerate(self._form.listed):
-            if k >= self._form.orders.size:
-                continue  # included in the modes of general kernels
-            a, offset = self._form.orders[k], self._last_offsets[:, row, None]
-            kernel = weights * np.add.outer(u, v) ** (a - 1)
-            part = (integrands[:, q, c] - offset) @ kernel.T
-            end = self._ends(q)[:, c, None] - offset
-            part += end * ((LEFT_OUT + u) ** a - np.exp(a * log_u)) / a
-            base[:, c] += coefficient * self.last_length**a * rgamma(a) * part
+            if k == ITSELF:
+                continue
+            kernel, of_rest = self._over_last_step(k, np.exp(log_u), v)
+            offset, j = self._last_offsets[:, row, None], c % self.x.shape[1]
+            part = (integrands[:, q, j] - offset) @ (weights * kernel).T
+            part += (self._ends(q)[:, j, None] - offset) * of_rest
+            base[:, c] += coefficient * part
         return base
+
+    def _over_last_step(self, k, u, v):
+        """Return the kernel of order or kernel number k at lags u + v, (n, K), in last steps.
+
+        Also returns its integrals from u to u + `LEFT_OUT`, (n,). Both are multiplied by the length
+        of the last step. The lags u (n,) and v (K,) are over this length.
+        """
+        lags, ends, h = np.add.outer(u, v), np.add.outer([LEFT_OUT, 0.0], u), self.last_length
+        if k < self._form.orders.size:
+            a = self._form.orders[k]
+            powers, integrals = lags ** (a - 1), ends**a / a
+            return h**a * rgamma(a) * powers, h**a * rgamma(a) * (integrals[0] - integrals[1])
+        kernel = self.kernel(k - self._form.orders.size)
+        integrals = kernel.integral(np.maximum(h * ends, NEXT_TO_0))
+        return h * kernel(np.maximum(h * lags, NEXT_TO_0)), integrals[0] - integrals[1]
+
+    def kernel(self, k):
+        """Return general kernel number k, or the sum that replaces it if it is measured."""
+        kernel, sums = self._form.kernels[k], self.kernels.sums
+        if not sums and self._prefitted:
+            sums = self._prefitted[1].sums
+        return sums[k] if kernel.measured and sums else kernel
 
     def _ends(self, q):
         """Return integrand number q at the end of the last step, (1 + k, d)."""
