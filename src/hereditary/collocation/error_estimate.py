@@ -394,6 +394,18 @@ def raise_small(quantities, fraction, sizes):
     return begins
 
 
+@inner
+def raise_to_least(equations, sizes):
+    """Raise the sizes of components, (d,), to the least ones of their quantity and their source.
+
+    Returns whether a quantity has sizes of 0 only.
+    """
+    begins = raise_small(equations.quantities, SMALL, sizes)
+    for c in range(sizes.shape[0]):
+        sizes[c] = max(sizes[c], equations.least[c] * sizes[equations.sources[c]])
+    return begins
+
+
 @entry(IVEC, F8, VEC)
 def raise_small_once(quantities, fraction, sizes):
     """Call the compiled function `raise_small` from Python."""

@@ -14,10 +14,10 @@ from ..compiled.linalg import clear_matrix, put, put_cube, put_matrix
 from ..compiled.reference import Reference
 from .error_estimate import (
     ROUNDING_OF_SUMS,
-    SMALL,
     allowed_error,
     orbit_error,
     raise_small,
+    raise_to_least,
     tangents_error,
 )
 from .mode_tables import (
@@ -81,7 +81,7 @@ def attempt(march, t, h, slot):
     set_times(origin, t, h, m.rule.check_points, limits, room.check_times)
     extrapolate(m, h)
     put(state.sizes, room.sizes)
-    begins = raise_small(equations.quantities, SMALL, room.sizes)
+    begins = raise_to_least(equations, room.sizes)
     put(room.sizes, room.sizes_before)
     set_units(equations, room.sizes, orbit.x[0], limits, room.units)
     set_starts(orbit, equations.second, room.starts)
@@ -94,7 +94,7 @@ def attempt(march, t, h, slot):
         raise_sizes(values[0], room.sizes)
         if begins:  # these sizes remain if the step is rejected
             raise_sizes(values[0], state.sizes)
-        raise_small(equations.quantities, SMALL, room.sizes)
+        raise_to_least(equations, room.sizes)
     ratio, by_defect = np.inf, False
     if solved:
         ratio, by_defect = orbit_error(m, h, slot)
@@ -312,7 +312,7 @@ def march_adaptive(march):
     m = march.work
     equations, room = m.equations, m.room
     put(m.state.sizes, room.sizes)
-    raise_small(equations.quantities, SMALL, room.sizes)
+    raise_to_least(equations, room.sizes)
     set_units(equations, room.sizes, m.orbit.x[0], m.limits, room.units)
     set_scales(room.units, m.stages)
     set_mode_weights(equations, m.basis.weights, m.varying.of_varying, m.weights)

@@ -70,8 +70,9 @@ def assemble_operators(h, equations, rule, local, operators):
                 for column in range(offsets.shape[0]):
                     constant[column, c, i] -= weight * offsets[column, n]
     for kind in range(n_kinds):
-        if implicit[first_of_kind(kinds, kind)] != 0:
-            set_implicit_row(n_kinds, kind, matrices)
+        c = first_of_kind(kinds, kind)
+        if implicit[c] != 0:
+            set_implicit_row(n_kinds, kind, equations.divisors[c], matrices)
     eliminate_operators(n_kinds, matrices)
     set_columns(operators)
 
@@ -126,14 +127,14 @@ def number_of(kinds):
 
 
 @inner
-def set_implicit_row(n_kinds, c, matrices):
+def set_implicit_row(n_kinds, c, divisor, matrices):
     """Set the row of p for an implicit kind: p plus right-hand side minus terms.
 
-    The difference is divided by the coefficient of p in the terms at the last node. c is the number
-    of the kind.
+    The difference is divided by the coefficient of p in the terms at the last node, or by `divisor`
+    if the coefficient is smaller. c is the number of the kind.
     """
     s = matrices.shape[2]
-    size = abs(matrices[n_kinds + c, PRIMARY, s - 1, s - 1])
+    size = max(abs(matrices[n_kinds + c, PRIMARY, s - 1, s - 1]), divisor)
     for i in range(s):
         matrices[c, PRIMARY, i, i] = 1.0
         matrices[c, FORCE, i, i] = 1.0 / size if size > 0.0 else 1.0

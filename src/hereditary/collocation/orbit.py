@@ -129,11 +129,14 @@ class OrbitAndTangents:
         parts = np.ascontiguousarray(rates[:n].real), rates[n:].astype(complex)
         return ExponentialBasis(*parts, self.weights, self.masses, transforms)
 
-    def equations(self, system):
-        """Return the integral equations of the system as `Equations` for compiled code."""
+    def equations(self, system, least):
+        """Return the integral equations of the system as `Equations` for compiled code.
+
+        `least` has the fields `sources`, `least` and `divisors` of `Equations`.
+        """
         form = self._form
         parts = form.terms, form.orders, form.second, self.offsets, form.implicit, form.unweighted
-        return Equations(*parts, form.kinds, system.units, system.quantities)
+        return Equations(*parts, form.kinds, system.units, system.quantities, *least)
 
     def march_arrays(self):
         """Return the arrays as `OrbitArrays`; compiled code changes them in place."""

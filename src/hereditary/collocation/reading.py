@@ -44,10 +44,12 @@ class Plain:
         The system that the stepper solves.
     second : ndarray of bool, shape (d,)
         True for components of y whose first derivative is an unknown.
+    convolved : list of tuple
+        `Reduced.convolved`; empty without memory of general kernels.
     """
 
     def __init__(self, system):
-        self.system, self.second = system, system.second
+        self.system, self.second, self.convolved = system, system.second, []
 
     def directions(self, directions):
         """Return k directions of initial data of the equation as those of the system, or None."""
@@ -77,7 +79,8 @@ class Reading(Plain):
     """
 
     def __init__(self, system):
-        self.system, self.second, self._speeds, self._read, self._copies = reduced(system)
+        found = reduced(system)
+        self.system, self.second, self._speeds, self._read, self._copies, self.convolved = found
         self._d, self._n_read = system.n_solved, system.d
 
     def directions(self, directions):
@@ -160,6 +163,8 @@ class Reduced(NamedTuple):
     - speeds (d,): number of the component that is y'.
     - read: entries (row, component, factor) of the matrix from components to the arguments of f.
     - copies: pairs of component numbers; the first component equals the second one.
+    - convolved: triples of a component, its source and a kernel, whose convolution with the source
+      the component is.
     """
 
     system: System
@@ -167,6 +172,7 @@ class Reduced(NamedTuple):
     speeds: np.ndarray
     read: list[tuple[int, int, float]]
     copies: list[tuple[int, int]]
+    convolved: list[tuple[int, int, Any]]
 
 
 def reduced(system):
@@ -203,6 +209,7 @@ class _Reduction:
         self._own: list[tuple[int, int, float]] = []
         self._forces: list[tuple[int, int]] = []
         self._copies: list[tuple[int, int]] = []
+        self._convolved: list[tuple[int, int, Any]] = []
         self._places: dict[tuple[int, Any], int] = {}
         for j, start in enumerate(system.y0[0, :d].tolist()):
             self._add(start, j, 0.0)
@@ -278,7 +285,7 @@ class _Reduction:
         if in_stages(operator):
             place = self._places[j, operator] = self._delayed(j, operator.kernel)
             return place
-        place = self._places[j, operator] = self._add_own(j)
+        place = total = self._places[j, operator] = self._add_own(j)
         derived = operator.derivative > 0
         source = int(self._speeds[j]) if derived and self._leading[j] > 1 else j
         if operator.derivative - (source != j) == 1:
@@ -300,6 +307,7 @@ class _Reduction:
             self._own += [(place, source, 1.0), (place, carrier, -1.0), (carrier, place, 1.0)]
             self._copies.append((carrier, source))
         self._terms.append((KernelOperator(operator.kernel, 0), carrier, 1.0))
+        self._convolved.append((total, carrier, operator.kernel))
         return place
 
     def _add_own(self, j):
@@ -358,7 +366,7 @@ class _Reduction:
             callbacks=system.callbacks,
             by_params=system.by_params,
         )
-        return Reduced(found, self._leading > 1, self._speeds, read, self._copies)
+        return Reduced(found, self._leading > 1, self._speeds, read, self._copies, self._convolved)
 
 
 def is_read(system):

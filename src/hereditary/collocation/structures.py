@@ -84,6 +84,8 @@ class Equations(NamedTuple):
     - kinds (d,): number of each component's kind; components of one kind have the same terms.
     - units (d,): size of each component, for the increments of difference quotients of f.
     - quantities (d,): number of a physical quantity; components with one number share their scale.
+    - sources, least (d,): the size of a component is at least this multiple of its source's size.
+    - divisors (d,): least number by which an implicit row is divided.
     """
 
     terms: Records
@@ -95,6 +97,9 @@ class Equations(NamedTuple):
     kinds: Integers
     units: Vector
     quantities: Integers
+    sources: Integers
+    least: Vector
+    divisors: Vector
 
 
 class Rule(NamedTuple):
