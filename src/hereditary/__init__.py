@@ -62,10 +62,12 @@ from .kernels.memory_kernel import (
 from .kernels.named_kernels import (
     DistributedOrder,
     GammaDensity,
+    LognormalDensity,
     MittagLeffler,
     PowerLaw,
     StretchedExponential,
     TemperedPowerLaw,
+    WeibullDensity,
 )
 from .large.imex import IMEX
 from .memory_term import MemoryTerm, memory_term
@@ -102,6 +104,7 @@ __all__ = [
     "Kernel",
     "KernelWarning",
     "L2Sigma",
+    "LognormalDensity",
     "LyapunovResult",
     "Memory",
     "MemoryKernel",
@@ -126,6 +129,7 @@ __all__ = [
     "Table",
     "TabulatedKernel",
     "TemperedPowerLaw",
+    "WeibullDensity",
     "ZeroOneResult",
     "classify",
     "convergence_table",

@@ -24,7 +24,6 @@ from ..support.checks import refuse
 from .algebraic import settle_tangents, settled
 from .equations import integral_form
 from .error_estimate import SMALL, raise_small_once
-from .exponential_basis import integral_if_rising
 from .first_rule import convolutions, first_rule
 from .jumps import jump
 from .march import (
@@ -67,10 +66,6 @@ MAX_STEPS = 1_000_000
 # Longest step while the solution is at rest, as fraction of the run. A longer step could miss a
 # force that sets in later.
 _DORMANT = 1 / 32
-# Least size of the memory of a kernel that rises, as fraction of what it is in the end if its source
-# is constant. With a thousandth, a lognormal kernel whose fit has an error of 1e-9 (mean 5, standard
-# deviation 1) ends at rtol 1e-6.
-_OF_MEMORY = 0.1
 # Longest first step of a solution at rest, as a fraction of the longest step at rest: the nodes of
 # first steps are further apart.
 _FIRST_AT_REST = 1 / 16
@@ -627,23 +622,7 @@ class AdaptiveStepper(ResumableStepper, TangentStepper, JumpingStepper):
             closest = self._closest(first)
         errors = self._orbit.prefit_kernels(closest, self._farthest, self._known, self.modes_tol)
         warn_of_fit(errors.noise, self._tolerances[0])
-        self._least = self._least_sizes(t_end, errors.exact)
-
-    def _least_sizes(self, t_end, error):
-        """Return sources, least sizes and divisors of components, fields of `Equations`.
-
-        The least size of a convolution is that at which the tolerance of a step covers the `error`
-        of the fits.
-        """
-        d, share = self._marched.d, _OF_MEMORY
-        sources, least, divisors = np.arange(d), np.zeros(d), np.zeros(d)
-        if self._allowed.by_size > 0:
-            share = max(share, error / self._allowed.by_size)
-        for place, source, kernel in self._view.convolved:
-            integral = integral_if_rising(kernel, t_end)
-            sources[place], least[place] = source, share * integral
-            divisors[source] = _OF_MEMORY * integral
-        return sources, least, divisors
+        self._least = self._view.least(t_end, errors.exact, self._allowed.by_size)
 
     def _refine_modes(self, closest):
         """Refine the modes so that they are accurate from the time lag `closest` on."""

@@ -70,7 +70,7 @@ class Kernel(MemoryKernel):
         if not isinstance(signed, (bool, np.bool_)):
             refuse("signed", "be True or False", repr(signed), kind=TypeError)
         self._function, self._signed = function, bool(signed)
-        self._knots = np.zeros(0)
+        self._knots, self._last = np.zeros(0), math.inf
         if singular_exponent is None:
             self._exponent = self._slope_at_zero()
         else:
@@ -86,14 +86,44 @@ class Kernel(MemoryKernel):
         return f"{type(self).__name__}({name}, {exponent}{signed})"
 
     @staticmethod
-    def from_table(t: ArrayLike, values: ArrayLike) -> TabulatedKernel:
-        """Return the kernel of measured values; see `TabulatedKernel`."""
-        return TabulatedKernel(t, values)
+    def from_table(t: ArrayLike, values: ArrayLike, signed: bool = False) -> Kernel:
+        """Return the kernel of a table.
+
+        Parameters
+        ----------
+        t, values : array_like, shape (n,)
+            Increasing times, n >= 4 [time], and K there [unit of the kernel].
+        signed : bool
+            Whether K may grow or be 0. If not, the table is that of a `TabulatedKernel`: positive,
+            and smooth through noise. If it may, the table begins at t = 0. K is then the monotone
+            cubic curve through all values (SciPy's `PchipInterpolator`), and 0 after a last value
+            of 0.
+
+        Returns
+        -------
+        Kernel
+
+        Examples
+        --------
+        Shares of infections that occur so many days after the first one:
+
+        >>> import hereditary as hd
+        >>> shares = [0.0, 0.1, 0.3, 0.25, 0.2, 0.1, 0.05, 0.0]
+        >>> kernel = hd.Kernel.from_table(range(8), shares, signed=True)
+        >>> float(kernel(2.0)), float(kernel(9.0)), round(float(kernel.integral(7.0)), 3)
+        (0.3, 0.0, 1.008)
+        """
+        return _curve(t, values) if signed else TabulatedKernel(t, values)
 
     @property
     def singular_exponent(self) -> float:
         """Exponent a of ``K ~ t**-a`` near 0 [-]: the given one, or the slope of values near 0."""
         return self._exponent
+
+    @property
+    def t_last(self) -> float:
+        """The last time of a table; infinite for a function and after a last value of 0."""
+        return self._last
 
     def __call__(self, t: ArrayLike) -> np.ndarray:
         """Return the kernel values, the shape of `t`."""
@@ -132,6 +162,8 @@ class Kernel(MemoryKernel):
         with np.errstate(all="ignore"):
             pairs = np.abs(self._at(np.concatenate([_LADDER, 2 * _LADDER]))).reshape(2, -1)
         usable = np.flatnonzero(np.all(np.isfinite(pairs) & (pairs > 0), axis=0))
+        if usable.size == 0 and np.isfinite(pairs).all():
+            return 0.0  # the function is 0 up to some time
         if usable.size == 0:
             refuse("function", "give finite values at t > 0", "none near 0")
         first, second = pairs[:, usable[0]]
@@ -166,6 +198,30 @@ class Kernel(MemoryKernel):
         return ExponentialSum(*closest_signed(self, t_min, t_max, tol, fading))
 
 
+def _columns(t: ArrayLike, values: ArrayLike) -> tuple[np.ndarray, np.ndarray]:
+    """Return the columns of a table, which increases in t."""
+    times, kernel = real_array("t", t), real_array("values", values)
+    if times.ndim != 1 or times.shape != kernel.shape or times.size < 4:
+        got = f"shapes {times.shape} and {kernel.shape}"
+        refuse("t", "have shape (n,) as values, n >= 4", got)
+    if np.any(np.diff(times) <= 0):
+        refuse("t", "increase", times.tolist()[:6], "sort the table by t")
+    return times, kernel
+
+
+def _curve(t: ArrayLike, values: ArrayLike) -> Kernel:
+    """Return the kernel that is the monotone cubic curve through a table from t = 0 on."""
+    from scipy.interpolate import PchipInterpolator
+
+    times, data = _columns(t, values)
+    if times[0] != 0:
+        refuse("t", "begin at 0 with signed=True", f"{times[0]:g}", "K(0) is 0 for most densities")
+    curve, last = PchipInterpolator(times, data), times[-1]
+    kernel = Kernel(lambda t: np.where(t < last, curve(np.minimum(t, last)), 0.0), 0.0, True)
+    kernel._knots, kernel._last = times[1:], math.inf if data[-1] == 0 else float(last)
+    return kernel
+
+
 class TabulatedKernel(Kernel):
     """A memory kernel from measured values, with or without noise.
 
@@ -197,17 +253,17 @@ class TabulatedKernel(Kernel):
     measured = True
 
     def __init__(self, t: ArrayLike, values: ArrayLike) -> None:
-        times, kernel = real_array("t", t), real_array("values", values)
-        if times.ndim != 1 or times.shape != kernel.shape or times.size < 4:
-            got = f"shapes {times.shape} and {kernel.shape}"
-            refuse("t", "have shape (n,) as values, n >= 4", got)
-        if times[0] <= 0 or np.any(np.diff(times) <= 0):
-            refuse("t", "be positive and increase", times.tolist()[:6], "sort the table by t")
+        times, kernel = _columns(t, values)
+        if times[0] <= 0:
+            remedy = "leave that row out, or pass signed=True to Kernel.from_table"
+            refuse("t", "be positive", f"{times[0]:g} first", remedy)
         if np.any(kernel <= 0):
             i = int(np.argmax(kernel <= 0))
             got = f"{kernel[i]:g} at t = {times[i]:g}"
-            refuse("values", "be positive", got, "end the table before noise dominates")
-        self._t = self._knots = times
+            remedy = "end the table before noise dominates, or pass signed=True if K rises from 0"
+            refuse("values", "be positive", got, remedy)
+        self._t, self._last = times, float(times[-1])
+        self._knots = times
         self._values, logs = kernel, (np.log(times), np.log(kernel))
         early = max(2, int(np.count_nonzero(times <= math.e * times[0])))
         slope = np.polyfit(logs[0][:early], logs[1][:early], 1)[0]
@@ -219,11 +275,6 @@ class TabulatedKernel(Kernel):
         times, exponent = self._t, self.singular_exponent
         span = f"{times.size} values, t = {times[0]:g} .. {times[-1]:g}"
         return f"TabulatedKernel({span}, singular_exponent={exponent:.6g})"
-
-    @property
-    def t_last(self) -> float:
-        """The last time of the table."""
-        return float(self._t[-1])
 
     def __call__(self, t: ArrayLike) -> np.ndarray:
         """Return the kernel values, the shape of `t`; up to the last time of the table."""
