@@ -7,6 +7,7 @@ if an equation needs it). The primary unknown p is y, or y' for orders above 1.
 from __future__ import annotations
 
 import copy
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -262,8 +263,6 @@ _LARGEST_RATIO = 1e305
 _ROWS = 256
 # Closest distance of fits that are made before the run begins, as a fraction of the run.
 _CLOSE = 1e-6
-
-
 # Most steps of one call of the compiled march if an event may cut it short.
 _FEW_ROWS = 8
 
@@ -506,8 +505,10 @@ class AdaptiveStepper(ResumableStepper, TangentStepper, JumpingStepper):
     def _settle(self):
         """Solve the algebraic rows at the present time for their unknowns."""
         if self.t > 0 and self.system.algebraic.any():
-            x = self._view.seen(self._orbit.x[0])
-            found = settled(self.system, self.system.beside(self.t, 1), x)
+            x, n = self._view.seen(self._orbit.x[0]), self.system.compiled_params.size
+            # the march may have changed tables of delays and parameters
+            system = replace(self.system, compiled_params=self._marched.compiled_params[:n])
+            found = settled(system, system.beside(self.t, 1), x)
             self._orbit.shift(self._view.widened(found - x))
 
     def _singular_step(self, t_stop):

@@ -95,9 +95,8 @@ class Kernel(MemoryKernel):
             Increasing times, n >= 4 [time], and K there [unit of the kernel].
         signed : bool
             Whether K may grow or be 0. If not, the table is that of a `TabulatedKernel`: positive,
-            and smooth through noise. If it may, the table begins at t = 0. K is then the monotone
-            cubic curve through all values (SciPy's `PchipInterpolator`), and 0 after a last value
-            of 0.
+            and smooth through noise. If it may, the table begins at t = 0. K is then the cubic
+            spline through all values. In a last value of 0 it ends with slope 0, and is 0 after it.
 
         Returns
         -------
@@ -210,15 +209,16 @@ def _columns(t: ArrayLike, values: ArrayLike) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _curve(t: ArrayLike, values: ArrayLike) -> Kernel:
-    """Return the kernel that is the monotone cubic curve through a table from t = 0 on."""
-    from scipy.interpolate import PchipInterpolator
+    """Return the kernel that is the cubic spline through a table from t = 0 on."""
+    from scipy.interpolate import CubicSpline
 
     times, data = _columns(t, values)
     if times[0] != 0:
         refuse("t", "begin at 0 with signed=True", f"{times[0]:g}", "K(0) is 0 for most densities")
-    curve, last = PchipInterpolator(times, data), times[-1]
+    ends, last = data[-1] == 0, times[-1]
+    curve = CubicSpline(times, data, bc_type=("not-a-knot", (1, 0.0) if ends else "not-a-knot"))
     kernel = Kernel(lambda t: np.where(t < last, curve(np.minimum(t, last)), 0.0), 0.0, True)
-    kernel._knots, kernel._last = times[1:], math.inf if data[-1] == 0 else float(last)
+    kernel._knots, kernel._last = times[1:], math.inf if ends else float(last)
     return kernel
 
 

@@ -35,6 +35,9 @@ RATIO_OF_VALUES = 1e60
 _CUTS = (1e-8, 1e-10, 1e-12, 1e-14)
 # Number of equally spaced samples of a matrix pencil.
 _EVEN = 800
+# Place of a check point between two samples of a matrix pencil, at which its fastest oscillation
+# is not 0.
+_BETWEEN = 0.38
 # Length of the first matrix pencil over that of the second. In the first, exp(-t) cos(200 t) up to
 # t = 50 has too few samples.
 _SHORTER = 16
@@ -113,17 +116,23 @@ def _with_mean(t: np.ndarray, size: np.ndarray, before: float) -> np.ndarray:
     return np.maximum(np.maximum(size, _OF_MEAN * mean), 1e-300)
 
 
-def _sampled(kernel: Any, t_min: float, t_max: float, tol: float, signed: bool = False) -> Samples:
-    """Return the kernel on its check points, in units of t_min."""
+def _sampled(kernel: Any, t_min: float, t_max: float, tol: float, end: float = 0.0) -> Samples:
+    """Return the kernel on its check points, in units of t_min.
+
+    A signed kernel has the `end` of its first pencil, and further points between those of it.
+    """
     ratio = t_max / t_min
     if ratio > RATIO_OF_VALUES:
         refuse("t_max", f"be at most {RATIO_OF_VALUES:g} times t_min", t_max)
     n = math.ceil(_POINTS_PER_OSCILLATION * math.log(ratio) / trapezoid_step(0.5, tol))
     t = np.exp(np.linspace(0.0, math.log(ratio), max(400, n) // 2 * 2 + 1))
     t[-1] = ratio
+    if end:
+        between, h = np.linspace(1.0, end, _EVEN, retstep=True)
+        t = np.union1d(t, between[:-1] + _BETWEEN * h)
     values = kernel(np.minimum(t * t_min, t_max))
     size = np.abs(values)
-    if signed:  # the largest from each time on
+    if end:  # the largest from each time on
         size = np.maximum.accumulate(size[::-1])[::-1]
     return Samples(t, values, _with_mean(t, size, float(kernel.integral(t_min)) / t_min))
 
@@ -365,9 +374,10 @@ def closest_signed(
     Errors are relative to the largest ``|K|`` from each time on, and at least to a thousandth of
     the mean of that. Returns what `closest_positive` does.
     """
-    samples = _sampled(kernel, t_min, t_max, tol, signed=True)
+    end = _end_of_pencil(kernel, t_min, t_max)
+    samples = _sampled(kernel, t_min, t_max, tol, end)
     best, closest = math.inf, (np.zeros(0), np.zeros(0))
-    every = _rates_of_signed(kernel, samples.t[-1], t_min, tol, fading)
+    every = _rates_of_signed(kernel, samples.t[-1], end, t_min, tol, fading)
     for rates, weights in ((r, w) for r in every for w in _signed_weights(samples, r)):
         error = _largest(samples.error(rates, weights))
         if error < best:
@@ -377,8 +387,15 @@ def closest_signed(
     return *_scaled(*closest, t_min), t_min, t_max, best
 
 
+def _end_of_pencil(kernel: Any, t_min: float, t_max: float) -> float:
+    """Return the end of the first pencil in units of t_min: twice the time when K has vanished."""
+    times = np.geomspace(t_min, t_max, _EVEN)[:-1]
+    sizes = np.abs(kernel(times))
+    return min(t_max, 2.0 * times[sizes >= _VANISHED * sizes.max()][-1]) / t_min
+
+
 def _rates_of_signed(
-    kernel: Any, ratio: float, t_min: float, tol: float, fading: bool
+    kernel: Any, ratio: float, end: float, t_min: float, tol: float, fading: bool
 ) -> Iterator[np.ndarray]:
     """Yield sets of rates: real ones of pencils and grids, then complex ones, and both.
 
@@ -388,11 +405,8 @@ def _rates_of_signed(
     kernels whose transforms have an essential singularity on the negative axis.
     """
     found = []
-    times = np.geomspace(1.0, ratio, _EVEN)
-    sizes = np.abs(kernel(times * t_min))
-    lasting = times[sizes >= _VANISHED * sizes.max()][-1]
-    for end in (min(ratio, 2.0 * lasting), 1.0 + (ratio - 1.0) / _SHORTER):
-        times, h = np.linspace(1.0, end, _EVEN, retstep=True)
+    for last in (end, 1.0 + (ratio - 1.0) / _SHORTER):
+        times, h = np.linspace(1.0, last, _EVEN, retstep=True)
         _, sizes, rows = np.linalg.svd(sliding_window_view(kernel(times * t_min), _EVEN // 2))
         for cut in _CUTS:
             kept = rows[: np.count_nonzero(sizes > cut * sizes[0])].T
