@@ -44,8 +44,8 @@ TASKS = {
     "Schemes": "Collocation ExplicitCaputo BDF L1 L2 L12 L2Sigma Adams ProductTrapezoid"
     " GrunwaldLetnikov IMEX graded Graded",
     "Histories": "SumOfExponentials FFT Direct",
-    "Memory kernels": "PowerLaw TemperedPowerLaw GammaDensity MittagLeffler StretchedExponential"
-    " DistributedOrder Prony Kernel TabulatedKernel MemoryKernel fit_exponentials ExponentialSum",
+    "Memory kernels": "PowerLaw TemperedPowerLaw GammaDensity LognormalDensity WeibullDensity"
+    " MittagLeffler StretchedExponential DistributedOrder Prony Kernel TabulatedKernel MemoryKernel fit_exponentials ExponentialSum",
     "Memory of large systems": "memory_term MemoryTerm",
     "Many runs": "ensemble Ensemble sweep Table",
     "Fit data": "fit FitResult sensitivities Sensitivities",

@@ -70,7 +70,7 @@ class Kernel(MemoryKernel):
         if not isinstance(signed, (bool, np.bool_)):
             refuse("signed", "be True or False", repr(signed), kind=TypeError)
         self._function, self._signed = function, bool(signed)
-        self._knots, self._last = np.zeros(0), math.inf
+        self._knots = np.zeros(0)
         if singular_exponent is None:
             self._exponent = self._slope_at_zero()
         else:
@@ -94,9 +94,10 @@ class Kernel(MemoryKernel):
         t, values : array_like, shape (n,)
             Increasing times, n >= 4 [time], and K there [unit of the kernel].
         signed : bool
-            Whether K may grow or be 0. If not, the table is that of a `TabulatedKernel`: positive,
-            and smooth through noise. If it may, the table begins at t = 0. K is then the cubic
-            spline through all values. In a last value of 0 it ends with slope 0, and is 0 after it.
+            Whether K may grow. If not, the table is that of a `TabulatedKernel`: positive, and
+            smooth through noise. If it may, log(K) is the cubic spline over log(t) through all
+            positive values. K follows power laws before and after them. Zeros at the beginning and
+            at the end of the table do not count.
 
         Returns
         -------
@@ -109,8 +110,8 @@ class Kernel(MemoryKernel):
         >>> import hereditary as hd
         >>> shares = [0.0, 0.1, 0.3, 0.25, 0.2, 0.1, 0.05, 0.0]
         >>> kernel = hd.Kernel.from_table(range(8), shares, signed=True)
-        >>> float(kernel(2.0)), float(kernel(9.0)), round(float(kernel.integral(7.0)), 3)
-        (0.3, 0.0, 1.008)
+        >>> round(float(kernel(2.0)), 12), round(float(kernel.integral(100.0)), 3)
+        (0.3, 1.082)
         """
         return _curve(t, values) if signed else TabulatedKernel(t, values)
 
@@ -118,11 +119,6 @@ class Kernel(MemoryKernel):
     def singular_exponent(self) -> float:
         """Exponent a of ``K ~ t**-a`` near 0 [-]: the given one, or the slope of values near 0."""
         return self._exponent
-
-    @property
-    def t_last(self) -> float:
-        """The last time of a table; infinite for a function and after a last value of 0."""
-        return self._last
 
     def __call__(self, t: ArrayLike) -> np.ndarray:
         """Return the kernel values, the shape of `t`."""
@@ -209,16 +205,29 @@ def _columns(t: ArrayLike, values: ArrayLike) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _curve(t: ArrayLike, values: ArrayLike) -> Kernel:
-    """Return the kernel that is the cubic spline through a table from t = 0 on."""
+    """Return the kernel whose logarithm is a cubic spline over log(t), straight at both ends."""
     from scipy.interpolate import CubicSpline
 
     times, data = _columns(t, values)
-    if times[0] != 0:
-        refuse("t", "begin at 0 with signed=True", f"{times[0]:g}", "K(0) is 0 for most densities")
-    ends, last = data[-1] == 0, times[-1]
-    curve = CubicSpline(times, data, bc_type=("not-a-knot", (1, 0.0) if ends else "not-a-knot"))
-    kernel = Kernel(lambda t: np.where(t < last, curve(np.minimum(t, last)), 0.0), 0.0, True)
-    kernel._knots, kernel._last = times[1:], math.inf if ends else float(last)
+    used = np.flatnonzero(data != 0)
+    inner = slice(used[0], used[-1] + 1) if used.size else slice(0)
+    times, data = times[inner], data[inner]
+    if times.size < 4 or times[0] <= 0 or np.any(data <= 0):
+        required = "be positive at 4 times t > 0 or more, and 0 before and after them only"
+        refuse("values", required, data.tolist()[:6])
+    curve, ends = (
+        CubicSpline(np.log(times), np.log(data), bc_type="natural"),
+        np.log(times[[0, -1]]),
+    )
+    slopes = curve(ends, 1)
+
+    def curve_through_table(t: np.ndarray) -> np.ndarray:
+        logs = np.log(np.maximum(t, _TINY))
+        inside = np.clip(logs, *ends)
+        return np.exp(curve(inside) + slopes[(inside < logs).astype(int)] * (logs - inside))
+
+    kernel = Kernel(curve_through_table, max(0.0, -float(slopes[0])), True)
+    kernel._knots = times
     return kernel
 
 
@@ -255,15 +264,14 @@ class TabulatedKernel(Kernel):
     def __init__(self, t: ArrayLike, values: ArrayLike) -> None:
         times, kernel = _columns(t, values)
         if times[0] <= 0:
-            remedy = "leave that row out, or pass signed=True to Kernel.from_table"
+            remedy = "leave that row out, or pass signed=True if K rises from 0"
             refuse("t", "be positive", f"{times[0]:g} first", remedy)
         if np.any(kernel <= 0):
             i = int(np.argmax(kernel <= 0))
             got = f"{kernel[i]:g} at t = {times[i]:g}"
             remedy = "end the table before noise dominates, or pass signed=True if K rises from 0"
             refuse("values", "be positive", got, remedy)
-        self._t, self._last = times, float(times[-1])
-        self._knots = times
+        self._t = self._knots = times
         self._values, logs = kernel, (np.log(times), np.log(kernel))
         early = max(2, int(np.count_nonzero(times <= math.e * times[0])))
         slope = np.polyfit(logs[0][:early], logs[1][:early], 1)[0]
@@ -275,6 +283,11 @@ class TabulatedKernel(Kernel):
         times, exponent = self._t, self.singular_exponent
         span = f"{times.size} values, t = {times[0]:g} .. {times[-1]:g}"
         return f"TabulatedKernel({span}, singular_exponent={exponent:.6g})"
+
+    @property
+    def t_last(self) -> float:
+        """The last time of the table."""
+        return float(self._t[-1])
 
     def __call__(self, t: ArrayLike) -> np.ndarray:
         """Return the kernel values, the shape of `t`; up to the last time of the table."""
