@@ -110,8 +110,8 @@ class Kernel(MemoryKernel):
         >>> import hereditary as hd
         >>> shares = [0.0, 0.1, 0.3, 0.25, 0.2, 0.1, 0.05, 0.0]
         >>> kernel = hd.Kernel.from_table(range(8), shares, signed=True)
-        >>> round(float(kernel(2.0)), 12), round(float(kernel.integral(100.0)), 3)
-        (0.3, 1.082)
+        >>> round(float(kernel(2.0)), 12), round(float(kernel.integral(100.0)), 2)
+        (0.3, 1.08)
         """
         return _curve(t, values) if signed else TabulatedKernel(t, values)
 
