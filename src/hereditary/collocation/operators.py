@@ -130,8 +130,8 @@ def number_of(kinds):
 def set_implicit_row(n_kinds, c, divisor, matrices):
     """Set the row of p for an implicit kind: p plus right-hand side minus terms.
 
-    The difference is divided by the coefficient of p in the terms at the last node, or by `divisor`
-    if the coefficient is smaller. c is the number of the kind.
+    The difference is divided by the coefficient of p in the terms at the last node. `divisor` is
+    the least number by which it is divided. c is the number of the kind.
     """
     s = matrices.shape[2]
     size = max(abs(matrices[n_kinds + c, PRIMARY, s - 1, s - 1]), divisor)

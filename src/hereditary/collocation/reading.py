@@ -70,9 +70,8 @@ class Plain:
     def least(self, t_end, error, by_size):
         """Return sources, least sizes and divisors of components, fields of `Equations`.
 
-        They are 0 but for the memory of kernels that rise in a run to `t_end`. The least size of
-        such memory is that at which the allowed error of a step, `by_size` of the size, covers the
-        `error` of the kernels' sums.
+        The last two are 0 but for the memory of kernels that rise in a run to `t_end`. A step may
+        err by `by_size` of the least size, which covers the `error` of the kernels' sums.
         """
         d, share = self.system.d, max(_OF_MEMORY, error / by_size) if by_size else _OF_MEMORY
         sources, least, divisors = np.arange(d), np.zeros(d), np.zeros(d)
