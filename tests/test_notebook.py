@@ -4,6 +4,7 @@ import inspect
 import io
 import itertools
 import re
+from functools import partial
 from html.parser import HTMLParser
 
 import numpy as np
@@ -149,13 +150,22 @@ class Terminal(io.StringIO):
         return True
 
 
-def drawn(stream, monkeypatch, progress=True, seconds=0.05):
+def drawn(stream, monkeypatch, progress=True, seconds=0.05, call=hd.solve):
     """Return what a run of 1,000 steps that takes `seconds` a clock's tick draws."""
     clock = itertools.count(0.0, seconds)
     monkeypatch.setattr("sys.stderr", stream)
     monkeypatch.setattr("time.perf_counter", lambda: next(clock))
-    hd.solve(hd.scenes.relaxation(), 1.0, 1000, progress=progress)
+    call(hd.scenes.relaxation(), 1.0, 1000, progress=progress)
     return stream.getvalue()
+
+
+def test_a_fit_counts_runs_on_a_terminal(monkeypatch):
+    def fit(eq, t_end, n_steps, progress):
+        t = np.linspace(0.1, t_end, 20)
+        model = lambda rate: eq.replace(params=[rate])  # noqa: E731
+        hd.fit(model, t, np.exp(-t), {"rate": 2.0}, n_steps=40, progress=progress)
+
+    assert re.search(r"\d sets of runs, cost 0\.", drawn(Terminal(), monkeypatch, call=fit))
 
 
 def test_a_bar_moves_on_terminals_and_in_notebooks_alone(monkeypatch):
@@ -164,6 +174,8 @@ def test_a_bar_moves_on_terminals_and_in_notebooks_alone(monkeypatch):
         text = drawn(stream, monkeypatch)
         assert "100.0 %  done in 0:0" in text
         assert text.endswith("\n")
+    for call in (hd.sensitivities, partial(hd.sensitivities, wrt="orders"), hd.lyapunov):
+        assert "100.0 %  done in 0:0" in drawn(Terminal(), monkeypatch, call=call)
     assert drawn(Terminal(), monkeypatch, progress=False) == ""
     assert drawn(io.StringIO(), monkeypatch) == ""
     assert re.search(r"done in \d+:00:\d\d", drawn(Terminal(), monkeypatch, seconds=3600.0))

@@ -1,11 +1,15 @@
 """Sensitivities: closed forms of Mittag-Leffler's derivatives, and differences of runs."""
 
+import re
+
 import mpmath
 import numpy as np
 import pytest
 from cases import GIVEN
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from problems import delayed_growth
+from scipy.special import gamma
 
 import hereditary as hd
 from hereditary import exact
@@ -327,3 +331,150 @@ def test_initial_values_beside_memory_and_matrices(place, how):
         assert found.by_y0[-1, :, k] == pytest.approx((above - below) / 2e-4, abs=1e-7)
     by_runs = by_differences(equation, 0, 1e-4, **how)
     assert found.by_params[-1, :, 0] == pytest.approx(by_runs, abs=1e-7)
+
+
+class InPython:
+    def __call__(self, t, y, p):
+        return [p[0] * np.sin(y[1]) - y[0], -p[1] * y[0] * y[1]]
+
+
+def pairs_late(t, y, late, dy, p):
+    dy[0] = p[0] * np.sin(y[1]) - y[0] + 0.0 * late[0, 0]
+    dy[1] = -p[1] * y[0] * y[1]
+
+
+def pair_of_parts(t, z, p):
+    return p[0] * np.sin(z[0].imag) - z[0].real - 1j * p[1] * z[0].real * z[0].imag
+
+
+def of_pairs(rhs=pairs, y0=(1.0, 0.5), **given):
+    return hd.Equation(hd.Caputo(0.8), rhs, y0, params=[1.2, 0.7], **given)
+
+
+# the same two components, with tangents and without
+WITHOUT_TANGENTS = {
+    "a function is called in Python": lambda: of_pairs(InPython()),
+    "the equation has delays": lambda: of_pairs(pairs_late, memory=hd.Delay(0.7)),
+    "y is complex": lambda: of_pairs(pair_of_parts, [1.0 + 0.5j]),
+}
+WAYS = {"rtol": 1e-10}, {"n_steps": 400, "scheme": hd.BDF(2)}, {"n_steps": 400}
+
+
+def error_of(found):
+    """The error of derivatives, as a fraction of their size, that the message has."""
+    return float(re.search(r"their errors are about (\S+) of", found.message)[1])
+
+
+@pytest.mark.filterwarnings("ignore::hereditary.PythonFunctionWarning")
+@pytest.mark.parametrize("how", WAYS, ids=str)
+@pytest.mark.parametrize("reason", WITHOUT_TANGENTS)
+def test_differences_equal_tangents(reason, how):
+    given = {"wrt": ALL, "t_eval": [0.0, 1.0, 4.0], **how}
+    tangents = hd.sensitivities(of_pairs(), 4.0, **given)
+    found = hd.sensitivities(WITHOUT_TANGENTS[reason](), 4.0, **given)
+    assert found.success
+    assert f"differences of runs, because {reason}" in found.message
+    assert "differences" not in tangents.message
+    for kind in ("by_params", "by_y0", "by_orders"):
+        ours, theirs = getattr(found, kind), getattr(tangents, kind)
+        if reason == "y is complex":
+            ours = np.stack([ours.real, ours.imag], axis=2).reshape(theirs.shape)
+        assert ours == pytest.approx(theirs, abs=error_of(found) * np.abs(theirs).max())
+
+
+def bent(t, y, p):
+    return -p[0] * y - p[1] * y**3
+
+
+def bent_chain(t, y, dy, p):
+    dy[0], dy[1] = y[1], y[2]
+    dy[2] = -p[0] * y[0] - p[1] * y[0] ** 3
+
+
+def test_differences_of_order_3_and_their_error_where_y_bends():
+    """y''(0) = 0 has no size of its own, and y grows until it ends at t = 5.3."""
+    start, params = [1.0, 0.2, 0.0], [1.2, 0.7]
+    found = hd.sensitivities(hd.Equation(hd.Caputo(3), bent, start, params), 3.0)
+    chain = hd.Equation(hd.Caputo(1), bent_chain, start, params)
+    tangents = hd.sensitivities(chain, 3.0, rtol=1e-11)
+    assert "because an order exceeds 2" in found.message
+    assert found.by_y0.shape == (2, 1, 3)
+    for ours, theirs in (
+        (found.by_params, tangents.by_params[:, :1]),
+        (found.by_y0, tangents.by_y0[:, :1]),
+    ):
+        assert ours == pytest.approx(theirs, abs=error_of(found) * np.abs(theirs).max())
+
+
+@pytest.mark.parametrize("start", [0.0, 3.0])
+@pytest.mark.parametrize("alpha", [0.3, 0.7, 1.5])
+def test_differences_of_delays_are_the_exact_derivative(alpha, start):
+    """y = sum_j p^j (t - j + 1)_+^(j alpha) / Gamma(j alpha + 1); a default past moves with y0."""
+    equation = delayed_growth(alpha, -2.0).replace(t_start=start)
+    found = hd.sensitivities(equation, start + 4.0, wrt=("params", "y0"))
+    j = np.arange(1, 6)
+    terms = (5.0 - j).clip(0.0) ** (j * alpha) / gamma(j * alpha + 1)
+    by_p, error = np.sum(j * (-2.0) ** (j - 1) * terms), error_of(found)
+    assert found.success
+    assert found.by_params[-1, 0, 0] == pytest.approx(by_p, rel=error)
+    assert found.by_y0[-1, 0, 0] == pytest.approx(found.y[-1, 0], rel=error)
+
+
+def test_differences_beside_algebraic_rows_satisfy_them():
+    def loop(t, y, late, p):
+        return np.array([y[1] - y[0], p[0] * y[0] + p[1] * late[0, 1] - y[1]])
+
+    first = np.array([1.0, 0.0]) * hd.Caputo(0.8)
+    delay = hd.Delay(0.7, past=[1.0, 0.5])
+    equation = hd.Equation(first, loop, [1.0, 0.5], params=[0.5, 0.0], memory=delay)
+    found = hd.sensitivities(equation, 2.0)
+    alone = hd.Equation(hd.Caputo(0.8), lambda t, y, p: (p[0] - 1) * y, 1.0, params=[0.5])
+    known = hd.sensitivities(alone, 2.0, rtol=1e-10)
+    assert found.by_params[0, :, 0] == pytest.approx([0.0, 1.0], abs=1e-7)
+    assert found.by_params[0, :, 1] == pytest.approx([0.0, 0.5], abs=1e-7)
+    assert found.by_y0[0] == pytest.approx(np.array([[1.0, 0.0], [0.5, 0.0]]), abs=1e-7)
+    assert found.by_params[-1, 0, 0] == pytest.approx(known.by_params[-1, 0, 0], abs=1e-7)
+    assert found.by_y0[-1, 0] == pytest.approx([known.by_y0[-1, 0, 0], 0.0], abs=1e-7)
+
+
+def test_changes_are_small_where_y_grows():
+    """An epidemic of a millionth grows to a share of 1 by a factor of 250,000 between."""
+
+    def spread(t, y, late, p):
+        return p[0] * y * (1 - y) + 0.0 * late[0]
+
+    late = hd.Equation(hd.Caputo(1), spread, 1e-6, params=[1.0], memory=hd.Delay(1.0))
+    found = hd.sensitivities(late, 14.0)
+    grown = 1e-6 * np.exp(14.0)
+    by_y0 = np.exp(14.0) / (1 + grown) ** 2
+    assert found.by_y0[-1, 0, 0] == pytest.approx(by_y0, rel=1e-6)
+    assert found.by_params[-1, 0, 0] == pytest.approx(14e-6 * by_y0, rel=1e-6)
+
+
+def test_differences_whose_runs_end_early():
+    def growing(t, y, late, p):
+        return p[0] * y * y + 0.0 * late[0]
+
+    late = hd.Equation(hd.Caputo(1), growing, 1.0, params=[1.0], memory=hd.Delay(0.3))
+    found = hd.sensitivities(late, 1.0 - 1e-9, t_eval=[0.5, 1.0 - 1e-9], wrt="orders")
+    assert np.isfinite(found.by_orders[0, 0, 0])
+    assert np.isnan(found.by_orders[1, 0, 0])
+    assert "NaN after the end of a run that ended early" in found.message
+    with pytest.warns(hd.SolveWarning):
+        found = hd.sensitivities(late, 2.0, t_eval=[0.5, 1.5])
+    assert found.status == "blown_up"
+    assert found.t.tolist() == [0.5]
+    assert found.by_params[:, 0, 0] == pytest.approx([0.5 / 0.5**2], rel=1e-6)
+
+
+def pulsed(t, y, p):
+    return p[0] * np.exp(-(((t - 5.0) / 0.01) ** 2)) - p[1] * y
+
+
+def test_a_longest_step_finds_a_short_force():
+    equation = hd.Equation(hd.Caputo(1), pulsed, 0.0, params=[1.0, 0.1])
+    found = hd.sensitivities(equation, 10.0, rtol=1e-8, wrt="params", max_step=0.01)
+    area = 0.01 * np.sqrt(np.pi) * np.exp(-0.5)
+    assert found.by_params[-1, 0, 0] == pytest.approx(area, rel=1e-3)
+    with pytest.raises(ValueError, match="max_step must be left out"):
+        hd.sensitivities(equation, 10.0, 100, max_step=0.01)

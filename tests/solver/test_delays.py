@@ -315,7 +315,6 @@ REFUSED = [
     (lambda: hd.solve(simple(tau=lambda t: 1 - 0.4 * t), 4.0), "tau must stay above 0, got tau.4."),
     (lambda: hd.solve(simple(tau=lambda t: 1 + 2 * t), 3.0), "tau must grow slower than t"),
     (lambda: hd.solve(simple(tau=0.1), 5.0, 40), "tau must be at least a step h on given steps"),
-    (lambda: hd.sensitivities(REACTS, 2.0, **TIGHT), "without delays"),
     (lambda: hd.lyapunov(REACTS, 2.0, **TIGHT), 'mode must be "pair" with delays'),
     (lambda: hd.lyapunov(REACTS, 2.0, mode="pair", **TIGHT), 'mode must be "tangent" with Coll'),
     (lambda: REACTS.jacobian(0.0, [0.5]), "rhs must read no memory"),

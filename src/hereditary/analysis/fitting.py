@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike
 from ..equation.equation import Equation
 from ..equation.system import System
 from ..solver.opening import chooses_steps
+from ..solver.progress import ProgressBar
 from ..solver.solution import Solution
 from ..solver.solve import chosen_scheme, solve
 from ..support.checks import (
@@ -27,7 +28,7 @@ from ..support.checks import (
     shown,
 )
 from ..support.warning import silence, warn
-from .sensitivity import has_tangents, sensitivities
+from .sensitivity import obstacle, sensitivities
 
 # Relative change of parameters in difference quotients. Runs to a tolerance of 1e-8 leave errors of
 # 1e-4 in the quotients.
@@ -43,7 +44,7 @@ _FAR = 1e2
 # takes about twice the time of a plain run.
 _ENOUGH = 2
 # Arguments of a fit that `sensitivities` accepts as well.
-_OF_TANGENTS = {"rtol", "atol", "scheme", "history", "breaks", "estimate"}
+_OF_TANGENTS = {"rtol", "atol", "scheme", "history", "breaks", "max_step", "estimate"}
 # The losses of SciPy's least_squares.
 _LOSSES = "linear", "soft_l1", "huber", "cauchy", "arctan"
 # Fewest points of the curve of a fitted model: about the pixels of a figure's width.
@@ -129,6 +130,7 @@ def fit(
     sigma: Any = None,
     observe: Callable | ArrayLike | None = None,
     loss: str = "linear",
+    progress: bool = False,
     **how: Any,
 ) -> FitResult:
     """Fit the parameters of an equation with memory to data, by least squares.
@@ -162,6 +164,8 @@ def fit(
         the measured components. By default the first k components.
     loss : str, optional
         As in `scipy.optimize.least_squares`: "soft_l1" or "huber" for outliers, beyond one sigma.
+    progress : bool, optional
+        Show the number of runs and the cost so far, on a terminal only.
     **how
         As in `solve`, by default ``rtol=1e-8``.
 
@@ -223,7 +227,7 @@ def fit(
     size = sum(int(np.isfinite(one.data).sum()) for one in series)
     if size < start.size:
         refuse("data", f"hold at least {start.size} values, one for each parameter", size)
-    runs = _Runs(model, names, isinstance(p0, Mapping), series, observe, how)
+    runs = _Runs(model, names, isinstance(p0, Mapping), series, observe, how, ProgressBar(progress))
     # parameters are scaled to size 1 for SciPy: its differences are relative, its tolerances at
     # bounds absolute
     shift = np.where(start == 0, 1.0, 0.0)
@@ -239,13 +243,16 @@ def fit(
         by = np.diagonal(moved) - x
         return runs.differences(unscaled(x), [unscaled(each) for each in moved]).T / by
 
-    found = least_squares(
-        lambda x: runs.residuals(unscaled(x)),
-        (start + shift) / scale,
-        jac=derivatives,
-        bounds=limits,
-        loss=loss,
-    )
+    try:
+        found = least_squares(
+            lambda x: runs.residuals(unscaled(x)),
+            (start + shift) / scale,
+            jac=derivatives,
+            bounds=limits,
+            loss=loss,
+        )
+    finally:
+        runs.bar.close()
     best, at_bound = unscaled(found.x), found.active_mask != 0
     equations = runs.equations(best)
     solutions = runs.solutions(equations)
@@ -286,6 +293,8 @@ class _Runs:
         the optimiser stops at absolute values.
     count : int
         Number of sets of runs so far.
+    bar : ProgressBar
+        Shows the count and the cost.
     """
 
     def __init__(
@@ -296,7 +305,9 @@ class _Runs:
         series: list[Series],
         observe: Callable | ArrayLike | None,
         how: dict[str, Any],
+        bar: ProgressBar,
     ) -> None:
+        self.bar = bar
         self._model, self._names, self._named = model, names, named
         self._series, self._observe, self.count = series, observe, 0
         largest = [float(np.nanmax(np.abs(one.data))) for one in series]
@@ -307,8 +318,8 @@ class _Runs:
         default = {} if {"n_steps", "mesh", "rtol"} & how.keys() else {"rtol": 1e-8}
         self._how = how = {"estimate": False} | default | how
         given = (how.get(name) for name in ("scheme", "rtol", "n_steps", "mesh", "resume"))
-        scheme = chosen_scheme(*given)
-        self._tangents = chooses_steps(scheme) and how.keys() <= _OF_TANGENTS
+        self._scheme = chosen_scheme(*given)
+        self._tangents = chooses_steps(self._scheme) and how.keys() <= _OF_TANGENTS
 
     def equations(self, p: np.ndarray) -> list[Equation]:
         """Return the equations of the model with these parameters, one for each series."""
@@ -358,7 +369,9 @@ class _Runs:
         equations = self.equations(p)
         rows = [sol.y for sol in self.solutions(equations)]
         self._last = p, equations, rows
-        return self._weighed(rows)
+        found = self._weighed(rows)
+        self.bar.count(f"{self.count} sets of runs, cost {found @ found / 2 * self.unit**2:.4g}")
+        return found
 
     def differences(self, p: np.ndarray, moved: list[np.ndarray]) -> np.ndarray:
         """Return the changes of `residuals` from p to each of these sets of parameters, (m, n)."""
@@ -385,7 +398,8 @@ class _Runs:
         every = {k: _changes(own, each) for k, each in enumerate(others)}
         near = {k: changes for k, changes in every.items() if changes}
         complete = all(len(y) == one.t.size for y, one in zip(rows, self._series, strict=True))
-        possible = complete and self._tangents and all(map(has_tangents, own))
+        possible = complete and self._tangents
+        possible = possible and not any(obstacle(each, self._scheme) for each in own)
         if len(near) < _ENOUGH or not possible:
             return {}
         self.count += 1

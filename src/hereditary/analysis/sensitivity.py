@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -13,21 +13,16 @@ from ..equation.equation import Equation, current_equation
 from ..given.history.history import History
 from ..given.steps import kept_steps
 from ..solver.opening import chooses_steps, how_to_step, open_stepper
+from ..solver.progress import ProgressBar
 from ..solver.run import reached_end, report
-from ..solver.solve import chosen_scheme, evaluation_times, run_end, solve
+from ..solver.solve import chosen_scheme, evaluation_times, run_end
 from ..stepping.scheme import Scheme
 from ..stepping.status import Ending, Status
 from ..stepping.times import checked_breaks
 from ..support.checks import refuse
-from ..support.warning import silence
+from .run_differences import RunDifferences, initial_data
 
 _KINDS = ("params", "y0", "orders")
-# Change of an order in differences of runs on given steps.
-_BY_STEPS = 1e-5
-# Change of an order in differences of runs by a tolerance.
-_BY_TOLERANCE = 1e-4
-# Largest tolerance of the runs whose differences give derivatives by an order.
-_TIGHT = 1e-11
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,12 +37,14 @@ class Sensitivities:
     by_params : ndarray, shape (n, d, p), or None
         Derivatives by the parameters.
     by_y0 : ndarray, shape (n, d, n_data), or None
-        By y(0) of each component, and then by y'(0) of each component of order above 1.
+        By y(0) of each component, then by y'(0) of each component of order above 1, and so on. A
+        complex component has two columns, for its real and its imaginary part.
     by_orders : ndarray, shape (n, d, n_terms), or None
         By the orders of the terms, in their order.
     status : Status
         How the run ended; rows end there as well.
     message : str
+        It also says whether derivatives are differences of runs, and their errors.
     """
 
     t: np.ndarray
@@ -82,6 +79,8 @@ def sensitivities(
     scheme: Scheme | None = None,
     history: History | None = None,
     breaks: ArrayLike = (),
+    max_step: float | None = None,
+    progress: bool = False,
 ) -> Sensitivities:
     """Solve an equation with the derivatives of its solution by parameters, y0 and orders.
 
@@ -91,11 +90,13 @@ def sensitivities(
     Newton method. Derivatives by orders are central differences of further runs, and one-sided next
     to an integer, which an order cannot cross.
 
+    All derivatives are differences of runs, and `message` says so, if the equation has delays,
+    complex y, orders above 2, functions called in Python or a matrix with rows of zeros.
+
     Parameters
     ----------
     equation : Equation
-        Of real y, orders up to 2 and compiled functions, without delays. A matrix of coefficients
-        has no rows of zeros.
+        A past of a delay that is y0 by default moves with y0.
     t_end : float
         End of the run [time].
     n_steps : int, optional
@@ -104,7 +105,7 @@ def sensitivities(
         "params", "y0", "orders", or several of them; by default y0, and params if there are any.
     t_eval : array_like, shape (n,), optional
         Times of the rows, by default the start and the end. With n_steps they are times of steps.
-    rtol, atol, scheme, history, breaks
+    rtol, atol, scheme, history, breaks, max_step, progress
         As in `solve`.
 
     Returns
@@ -115,7 +116,7 @@ def sensitivities(
     Raises
     ------
     TypeError, ValueError
-        An argument is not as required, or the scheme does not take tangents.
+        An argument is not as required.
 
     Error
     -----
@@ -125,10 +126,16 @@ def sensitivities(
     right-hand side is differentiated by differences in p, and in y without `jac`. Derivatives by
     orders have errors of 1e-7 of the solution; they are NaN if one of their runs ends early.
 
+    Differences by params and y0 are central, over 1e-4 of a value, or less where y changes more.
+    A parameter of 0 has the size 1, and an initial value has at least the size of y. Their errors
+    are about 1e-7 of their largest size. With `Collocation` runs have rtol 1e-11 or, if that run
+    does not complete, 1e-9, which leaves errors of 2e-6. `message` has the error, which is larger
+    if the second difference shows that y bends.
+
     Cost
     ----
     One linearised equation of d components for each parameter and initial value; two runs for each
-    order.
+    order. Differences take two runs for each number.
 
     Examples
     --------
@@ -146,50 +153,93 @@ def sensitivities(
     times = evaluation_times(t_eval, start, t_last)
     times = np.array([start, t_last]) if times is None else times
     how: dict[str, Any] = {"scheme": scheme, "history": history, "n_steps": n_steps}
-    how |= {"rtol": rtol, "atol": atol}
-    size = equation.params.size if "params" in kinds else 0
+    how |= {"rtol": rtol, "atol": atol, "max_step": max_step}
+    stepping = how_to_step(equation.system, t_end=t_last - start, **how)
+    if not chooses_steps(scheme):  # times of steps may be given up to rounding
+        kept_steps(times, stepping.h, start)
+    how["breaks"] = breaks
+    reason, bar = obstacle(equation, scheme), ProgressBar(progress)
+    counts = {"params": equation.params.size, "orders": len(equation.terms)}
+    counts["y0"] = len(initial_data(equation))
+    by_runs = sum(counts[kind] for kind in kinds if reason or kind == "orders")
+    runs = RunDifferences(equation, t_last, times, how, bar, by_runs)
+    try:
+        if reason:
+            return _by_runs(runs, kinds, reason)
+        return _by_tangents(equation, t_last, times, kinds, how, stepping, runs, bar)
+    finally:
+        bar.close()
+
+
+def _by_runs(runs: RunDifferences, kinds: tuple[str, ...], reason: str) -> Sensitivities:
+    """Return derivatives by differences of runs; `reason` says why there are no tangents."""
+    found = runs.run()
+    by = {kind: getattr(runs, f"by_{kind}")() if kind in kinds else None for kind in _KINDS}
+    message = f"{found.message}; derivatives are differences of runs, because {reason}"
+    message += f": their errors are about {runs.error:.0e} of their largest size"
+    if any(each is not None and np.isnan(each).any() for each in by.values()):
+        message += "; they are NaN after the end of a run that ended early"
+    by = {f"by_{kind}": each for kind, each in by.items()}
+    return Sensitivities(t=found.t, y=found.y, status=found.status, message=message, **by)
+
+
+def _by_tangents(
+    equation: Equation,
+    t_last: float,
+    times: np.ndarray,
+    kinds: tuple[str, ...],
+    how: dict[str, Any],
+    stepping: Any,
+    runs: RunDifferences,
+    bar: ProgressBar,
+) -> Sensitivities:
+    """Return derivatives that are solved with the solution; those by orders from `runs`."""
+    start, size = equation.t_start, equation.params.size if "params" in kinds else 0
     system = replace(equation.system, by_params=size)
     n_data = system.n_solved + int(np.sum(system.second))
     directions = np.eye(n_data)[:, : n_data if "y0" in kinds else 0]
     directions = np.hstack([np.zeros((n_data, size)), directions])
     span = t_last - start
-    stepping = how_to_step(system, t_end=span, **how)
-    stepper, _ = open_stepper(system, scheme, history, stepping, span, directions=directions)
-    stepper.set_breaks(checked_breaks(breaks, start), span)
-    how["breaks"] = breaks
-    if chooses_steps(scheme):
-        rows = _between_steps(stepper, times - start)
-    else:  # times of steps may be given up to rounding
-        rows = _at_steps(stepper, kept_steps(times, stepping.h, start))
+    opened = system, how["scheme"], how["history"], stepping, span
+    stepper, _ = open_stepper(*opened, directions=directions)
+    stepper.set_breaks(checked_breaks(how["breaks"], start), span)
+
+    def made() -> None:
+        bar.update(min(stepper.t / span, 1.0) / runs.n_runs)
+
+    if chooses_steps(how["scheme"]):
+        rows = _between_steps(stepper, times - start, made)
+    else:
+        rows = _at_steps(stepper, kept_steps(times, stepping.h, start), made)
     ended = stepper.trouble or Ending(reached_end(stepper))
     message = report(stepper, ended)
     columns = np.array(rows).reshape(len(rows), 1 + directions.shape[1], equation.d)
     y, every = columns[:, 0], np.moveaxis(columns[:, 1:], 1, 2)
-    by_orders = _by_orders(equation, t_last, times[: len(y)], how) if "orders" in kinds else None
     return Sensitivities(
         t=times[: len(y)],
         y=y,
         by_params=every[..., :size] if "params" in kinds else None,
         by_y0=every[..., size:] if "y0" in kinds else None,
-        by_orders=by_orders,
+        by_orders=runs.by_orders(len(y)) if "orders" in kinds else None,
         status=ended.status,
         message=message,
     )
 
 
-def _at_steps(stepper: Any, stops: np.ndarray) -> list[np.ndarray]:
+def _at_steps(stepper: Any, stops: np.ndarray, made: Callable[[], None]) -> list[np.ndarray]:
     """March to each of these steps; return rows of y and its tangents, ((1 + k) d,), there."""
     rows: list[np.ndarray] = []
     for stop in stops:
         while stepper.position < stop and not stepper.trouble:
             stepper.advance(stop, keep=False)
+            made()
         if stepper.trouble:
             break
         rows.append(_columns(stepper))
     return rows
 
 
-def _between_steps(stepper: Any, times: np.ndarray) -> list[np.ndarray]:
+def _between_steps(stepper: Any, times: np.ndarray, made: Callable[[], None]) -> list[np.ndarray]:
     """March by steps of a tolerance; return rows ((1 + k) d,) at times between."""
     stepper.keep_tangents()
     rows = [_columns(stepper)] if times[0] == 0.0 else []
@@ -197,6 +247,7 @@ def _between_steps(stepper: Any, times: np.ndarray) -> list[np.ndarray]:
     second = np.tile(stepper.system.second, _columns(stepper).size // d)
     while stepper.position < times[-1] and not stepper.trouble:
         piece = stepper.advance(times[-1])
+        made()
         if piece is None:
             continue
         reached = int(np.searchsorted(times, stepper.t, side="right"))
@@ -217,9 +268,6 @@ def _kinds(wrt: Any, equation: Equation) -> tuple[str, ...]:
     kinds = tuple(wrt) if np.iterable(wrt) and not isinstance(wrt, str) else (wrt,)
     if not kinds or not all(isinstance(kind, str) and kind in _KINDS for kind in kinds):
         refuse("wrt", f"hold some of {', '.join(_KINDS)}", repr(wrt))
-    if not has_tangents(equation):
-        required = "be real and compiled, of orders up to 2, without delays and rows of zeros"
-        refuse("equation", required, repr(equation), "or take differences")
     if "params" in kinds and equation.params.size == 0:
         refuse("wrt", "leave out params, which the equation has none of", kinds)
     if "orders" in kinds and not equation.system.constant:
@@ -227,42 +275,15 @@ def _kinds(wrt: Any, equation: Equation) -> tuple[str, ...]:
     return kinds
 
 
-def has_tangents(equation: Equation) -> bool:
-    """Return whether derivatives by parameters and initial values can be solved for."""
-    system = equation.system
-    reads = system.callbacks or system.delays
-    return not (system.frame.paired or system.frame.speeds or reads)
-
-
-def _by_orders(
-    equation: Equation, t_last: float, times: np.ndarray, how: dict[str, Any]
-) -> np.ndarray:
-    """Return derivatives by the orders of all terms, (n, d, n_terms), by differences of runs."""
-    by_tolerance = chooses_steps(how["scheme"])
-    change = _BY_TOLERANCE if by_tolerance else _BY_STEPS
-    if by_tolerance:
-        how = how | {"rtol": min(how["rtol"] or _TIGHT, _TIGHT), "atol": None}
-    how = how | {"estimate": False}
-
-    def run(k: int, by: float) -> np.ndarray:
-        terms = list(equation.terms)
-        operator = terms[k].operator
-        moved = type(operator)(np.asarray(operator.order) + by)
-        terms[k] = moved * terms[k].coefficient
-        with silence():
-            found = solve(equation.replace(terms=terms), t_last, t_eval=times, **how)
-        rows = np.full((times.size, equation.d), np.nan)
-        rows[: len(found.y)] = found.y
-        return rows
-
-    found = []
-    for k, term in enumerate(equation.terms):
-        order = np.atleast_1d(term.operator.order)
-        sides = [s for s in (1, -1) if np.all(np.ceil(order + 2 * s * change) == np.ceil(order))]
-        if not sides:
-            refuse("orders of a term", "lie on one side of 1 and of 2, by 2e-4", order.tolist())
-        side = sides[0]  # one side is of second order too
-        weights = {0: -1.5 * side, side: 2.0 * side, 2 * side: -0.5 * side}
-        weights = {1: 0.5, -1: -0.5} if len(sides) == 2 else weights
-        found.append(sum(w * run(k, by * change) for by, w in weights.items()) / change)
-    return np.moveaxis(np.array(found), 0, 2)
+def obstacle(equation: Equation, scheme: Scheme) -> str:
+    """Return why no tangents can be solved for, as a clause; "" if they can."""
+    system, speeds = equation.system, equation.system.frame.speeds
+    obstacles = {
+        "the equation has delays, which tangents do not see": bool(system.delays),
+        "y is complex": system.frame.paired,
+        "an order exceeds 2": any(speed >= 0 for speed in speeds),
+        "a matrix of coefficients has a row of zeros": bool(speeds),
+        "a function is called in Python": bool(system.callbacks),
+        f"{scheme!r} has no tangents": not scheme.takes_tangents,
+    }
+    return next((clause for clause, present in obstacles.items() if present), "")

@@ -35,18 +35,32 @@ class ProgressBar:
 
     def update(self, share: float) -> None:
         """Show that the fraction `share` of the run, in [0, 1], is done."""
-        if not self._live:
+        if not self._is_due(last=share >= 1):
             return
-        spent = time.perf_counter() - self._began
-        if spent - self._drawn < self.SECONDS_BETWEEN and share < 1:
-            return
-        self._drawn = spent
-        filled = int(self.WIDTH * share)
+        spent, filled = self._drawn, int(self.WIDTH * share)
         left = f"{_clock(spent * (1 - share) / share)} left" if share > 0 else "starting"
         if share >= 1:
             left = f"done in {_clock(spent)}"
         bar = "#" * filled + "." * (self.WIDTH - filled)
-        self._stream.write(f"\r[{bar}] {100 * share:5.1f} %  {left}   ")
+        self._write(f"[{bar}] {100 * share:5.1f} %  {left}")
+
+    def count(self, text: str) -> None:
+        """Show what has been done, where nobody knows how much is left."""
+        if self._is_due():
+            self._write(f"{text}, {_clock(self._drawn)}")
+
+    def _is_due(self, last: bool = False) -> bool:
+        """Return whether to draw now, and record the time; the `last` drawing is always due."""
+        if not self._live:
+            return False
+        spent = time.perf_counter() - self._began
+        if spent - self._drawn < self.SECONDS_BETWEEN and not last:
+            return False
+        self._drawn = spent
+        return True
+
+    def _write(self, text: str) -> None:
+        self._stream.write(f"\r{text}   ")
         self._stream.flush()
 
     def close(self) -> None:

@@ -1,0 +1,247 @@
+"""Derivatives of a solution by differences of runs of changed equations."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from contextlib import nullcontext
+from functools import partial
+from typing import Any
+
+import numpy as np
+
+from ..collocation.algebraic import settled
+from ..compiled.jacobian import LEAST
+from ..equation.equation import Equation
+from ..equation.statement import factors_of, left_side
+from ..equation.system import leading_orders
+from ..solver.opening import chooses_steps
+from ..solver.progress import ProgressBar
+from ..solver.solution import Solution
+from ..solver.solve import solve
+from ..stepping.status import Status
+from ..support.checks import refuse
+from ..support.warning import silence
+
+# Change of an order in differences of runs on given steps.
+_ORDER_BY_STEPS = 1e-5
+# Relative change of every other number, and of an order in differences of runs by a tolerance. Next
+# to the error of these runs, 1e-12, the error of a central difference is smallest with it.
+_CHANGE = 1e-4
+# Largest tolerances of the runs, the next one where a run does not complete. Sums of delays leave
+# rounded kinks that rtol 1e-11 resolves in vain for orders below 0.4.
+_TIGHT = 1e-11, 1e-9
+# Tolerance of the last of these runs if the user gives none, as in `solve`.
+_DEFAULT = 1e-6
+# Errors of runs by a tolerance, as a fraction of it: those of a step.
+_RUN_ERROR = 0.1
+# Largest change of y by a relative change of 1 that needs no smaller change.
+_STEEP = 10.0
+# Errors of central differences that the errors of runs leave, as a multiple of the square of the
+# relative change. On the equations of tests/analysis/test_sensitivity.py it is at most 4.
+_OF_CHANGE = 10.0
+# Most changes that are tried for one number. Twice is enough where y is nearly linear in it.
+_TRIALS = 5
+# Factor of the next change where a run ends early.
+_SHRUNK = 1e-2
+
+
+class RunDifferences:
+    """Runs of an equation and of its neighbours, and their differences.
+
+    Parameters
+    ----------
+    equation : Equation
+    t_last : float
+        End of the runs, the user's time.
+    times : ndarray, shape (n,)
+        Times of the rows.
+    how : dict
+        Arguments of `solve`.
+    bar : ProgressBar
+    n_numbers : int
+        How many derivatives are requested, for the bar.
+
+    Attributes
+    ----------
+    change : float
+        Relative change of a number.
+    n_runs : int
+        Number of runs that are expected.
+    """
+
+    def __init__(
+        self,
+        equation: Equation,
+        t_last: float,
+        times: np.ndarray,
+        how: dict[str, Any],
+        bar: ProgressBar,
+        n_numbers: int,
+    ) -> None:
+        self._equation, self._t_last, self._times, self._given = equation, t_last, times, how
+        self._bar, self.n_runs = bar, 1 + 2 * n_numbers
+        self._made, self._bend = 0, 0.0
+        self._tries: list[dict[str, Any]] = [{}]
+        if chooses_steps(how["scheme"]):
+            wanted = how["rtol"] or _DEFAULT
+            tight = [{"rtol": rtol, "atol": None} for rtol in _TIGHT if rtol < wanted]
+            self._tries = [*tight, {"rtol": wanted}]
+        self._ask(self._tries[0])
+
+    def _ask(self, tolerances: dict[str, Any]) -> None:
+        """Let runs have these tolerances in place of the user's."""
+        self._how = self._given | {"estimate": False} | tolerances
+        self.change = max(_CHANGE, float(np.cbrt(_RUN_ERROR * (self._how["rtol"] or 0.0))))
+
+    def run(self) -> Solution:
+        """Return the run of the equation itself, to the first tolerance with which it completes.
+
+        If none does, it is the first one with the most rows.
+        """
+        tried: list[tuple[Solution, dict[str, Any]]] = []
+        for tolerances in self._tries:
+            self._ask(tolerances)
+            with silence() if tolerances is not self._tries[-1] else nullcontext():
+                tried.append((self._solved(self._equation), tolerances))
+            if tried[-1][0].success:
+                break
+        found, tolerances = max(tried, key=lambda pair: (pair[0].success, len(pair[0].y)))
+        self._ask(tolerances)
+        self._times, self._rows = found.t, found.y
+        sizes = np.abs(found.y).max(axis=0, initial=0.0)
+        sizes = np.maximum(sizes, np.abs(self._equation._given_y0[0]))
+        self._sizes = np.where(sizes > 0, sizes, sizes.max() or 1.0)
+        span = self._t_last - self._equation.t_start
+        slopes = np.zeros(1) if found.ydot is None else np.nan_to_num(np.abs(found.ydot))
+        self._rates = np.maximum(slopes.max(axis=0, initial=0.0) / self._sizes, 1 / span)
+        return found
+
+    @property
+    def error(self) -> float:
+        """Errors of derivatives by parameters and y0, as a fraction of their largest size.
+
+        A function whose second difference is b times its first one has a third difference of about
+        b**2, which is the error that a change leaves.
+        """
+        return max(_OF_CHANGE * self.change**2, self._bend**2)
+
+    def by_params(self) -> np.ndarray:
+        """Return derivatives by the parameters, (n, d, p)."""
+        params = self._equation.params
+
+        def moved(k: int, by: float) -> Equation:
+            return self._equation.replace(params=params + by * (np.arange(params.size) == k))
+
+        sizes = np.where(params == 0, 1.0, np.abs(params)).tolist()
+        found = [self._by(partial(moved, k), size) for k, size in enumerate(sizes)]
+        return np.stack(found, axis=2)
+
+    def by_y0(self) -> np.ndarray:
+        """Return derivatives by the initial values, (n, d, n_data)."""
+        equation, y0 = self._equation, self._equation._given_y0
+        real, factor = y0.view(float), 2 if equation.system.frame.paired else 1
+
+        def moved(row: int, column: int, by: float) -> Equation:
+            values = y0.copy()
+            values.view(float)[row, column] += by
+            return equation.replace(y0=values)
+
+        found = []
+        for row, column in initial_data(equation):
+            c = column // factor
+            size = max(self._sizes[c] * self._rates[c] ** row, abs(real[row, column]))
+            found.append(self._by(partial(moved, row, column), float(size)))
+        return np.stack(found, axis=2)
+
+    def _by(self, moved: Callable[[float], Equation], size: float) -> np.ndarray:
+        """Return derivatives of y by a number of this size, (n, d); ``moved(by)`` changes it.
+
+        The change is smaller where y would change by more than itself.
+        """
+        by = self.change * size
+        for _ in range(_TRIALS):
+            above = self._moved_rows(moved, by)
+            effect = np.max(np.abs(above - self._rows) / self._sizes, initial=0.0)
+            if effect <= _STEEP * self.change:
+                break
+            by *= self.change / effect if np.isfinite(effect) else _SHRUNK
+        below = self._moved_rows(moved, -by)
+        bend, twice = above - 2 * self._rows + below, above - below
+        ratio = np.nanmax(np.abs(bend), initial=0.0) / np.nanmax(np.abs(twice), initial=LEAST)
+        self._bend = max(self._bend, float(ratio))
+        return twice / (2 * by)
+
+    def by_orders(self, n: int | None = None) -> np.ndarray:
+        """Return derivatives by the orders of all terms at the first n times, (n, d, n_terms)."""
+        self._times = self._times[:n]
+        self._made = max(self._made, 1)  # tangents count as a run
+        by_tolerance = chooses_steps(self._how["scheme"])
+        change = self.change if by_tolerance else _ORDER_BY_STEPS
+
+        def moved(k: int, by: float) -> Equation:
+            terms = list(self._equation.terms)
+            operator = terms[k].operator
+            other = type(operator)(np.asarray(operator.order) + by)
+            terms[k] = other * terms[k].coefficient
+            return self._equation.replace(terms=terms)
+
+        found = []
+        for k, term in enumerate(self._equation.terms):
+            order = np.atleast_1d(term.operator.order)
+            up = np.ceil(order)
+            sides = [s for s in (1, -1) if np.all(np.ceil(order + 2 * s * change) == up)]
+            if not sides:
+                refuse("orders of a term", "lie on one side of 1 and of 2, by 2e-4", order.tolist())
+            side = sides[0]  # one side is of second order too
+            weights = {0: -1.5 * side, side: 2.0 * side, 2 * side: -0.5 * side}
+            weights = {1: 0.5, -1: -0.5} if len(sides) == 2 else weights
+            rows = [w * self._moved_rows(partial(moved, k), s * change) for s, w in weights.items()]
+            found.append(sum(rows) / change)
+        return np.stack(found, axis=2)
+
+    def _moved_rows(self, moved: Callable[[float], Equation], by: float) -> np.ndarray:
+        """Return rows (n, d) of a changed equation; NaN after the end of its run."""
+        paired = self._equation.system.frame.paired
+        d = self._equation._given_y0.shape[1]
+        rows = np.full((self._times.size, d), np.nan, complex if paired else float)
+        with silence():
+            try:
+                equation = _consistent(moved(by))
+            except ValueError:  # the changed number lies outside of a domain
+                return rows
+            found = self._solved(equation)
+        rows[: len(found.y)] = found.y
+        return rows
+
+    def _solved(self, equation: Equation) -> Solution:
+        found = solve(equation, self._t_last, t_eval=self._times, **self._how)
+        self._made += 1
+        self._bar.update(min(self._made / self.n_runs, 1.0))
+        if found.status is Status.INTERRUPTED:
+            raise KeyboardInterrupt
+        return found
+
+
+def initial_data(equation: Equation) -> list[tuple[int, int]]:
+    """Return the rows and real columns of y0 that the equation needs.
+
+    These are y(0) of each component, then y'(0) of those with an order above 1, and so on.
+    """
+    y0, paired = equation._given_y0, equation.system.frame.paired
+    factors = factors_of(equation.terms, y0.shape[1], paired)
+    left = left_side(equation.terms, factors, equation.orders, equation.t_start)
+    highest = leading_orders(left, y0.view(float).shape[1])
+    return [
+        (k, c) for k in range(len(y0)) for c in np.flatnonzero((k == 0) | (highest > k)).tolist()
+    ]
+
+
+def _consistent(equation: Equation) -> Equation:
+    """Return an equation whose initial values satisfy its algebraic rows."""
+    system = equation.system
+    if not system.algebraic.any():
+        return equation
+    y0 = equation._given_y0.copy()
+    found = settled(system, system.beside(0.0, 1), system.at_start)[: system.n_solved]
+    y0[0] = system.frame.values(found)
+    return equation.replace(y0=y0)
