@@ -120,8 +120,8 @@ class RunDifferences:
     def error(self) -> float:
         """Errors of derivatives by parameters and y0, as a fraction of their largest size.
 
-        A function whose second difference is b times its first one has a third difference of about
-        b**2, which is the error that a change leaves.
+        If the second difference of y is b times the first one, the third is about b**2 times it.
+        This is the error that the change leaves.
         """
         return max(_OF_CHANGE * self.change**2, self._bend**2)
 

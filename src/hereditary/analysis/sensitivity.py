@@ -90,8 +90,9 @@ def sensitivities(
     Newton method. Derivatives by orders are central differences of further runs, and one-sided next
     to an integer, which an order cannot cross.
 
-    All derivatives are differences of runs, and `message` says so, if the equation has delays,
-    complex y, orders above 2, functions called in Python or a matrix with rows of zeros.
+    All derivatives are differences of runs where no tangents are possible, and `message` says so.
+    These equations have delays, complex y, orders above 2, functions called in Python, or a matrix
+    with rows of zeros.
 
     Parameters
     ----------
