@@ -494,3 +494,39 @@ def test_a_jump_is_found_by_few_steps():
     with pytest.warns(RuntimeWarning, match="jumps between states"):
         result = alone(equation, 8.0, 30)
     assert result.verdict == "undetermined"
+
+
+def relayed(t, y, p):
+    """A linear equation whose rate jumps 2 after p[0]."""
+    return (0.7 if t - p[0] < 2.0 else -1.5) * y
+
+
+BROKEN = [
+    {"rtol": 1e-10},
+    {"n_steps": 2000, "scheme": hd.BDF(2)},
+    {"n_steps": 2000, "scheme": EXPLICIT, "mode": "pair", "separation": 1e-3},
+]
+
+
+@pytest.mark.parametrize("how", BROKEN, ids=str)
+def test_a_later_start_and_breaks(how):
+    """Tangents of a linear equation are its solution; times count from the start."""
+    runs, error = [], 1e-8 if "rtol" in how else 1e-9
+    for start in (0.0, 3.0):
+        equation = hd.Equation(hd.Caputo(0.8), relayed, 1.0, params=[start], t_start=start)
+        end, breaks = start + 10.0, [start + 2.0]
+        given = {"breaks": breaks, "transient": 1.0, "directions": [[1.0]], **how}
+        runs.append(hd.lyapunov(equation, end, **given))
+        steps = {
+            name: value for name, value in how.items() if name in ("rtol", "n_steps", "scheme")
+        }
+        sol = hd.solve(equation, end, breaks=breaks, estimate=False, **steps)
+        grown = np.log(np.abs(sol.y[-1, 0] / sol(runs[-1].times[0])[0]))
+        found = runs[-1].log_growth
+        assert found[-1, 0] - found[0, 0] == pytest.approx(grown, abs=error)
+    first, later = runs
+    assert first.verified
+    assert later.verified
+    assert later.times - 3.0 == pytest.approx(first.times, abs=1e-12)
+    assert later.log_growth == pytest.approx(first.log_growth, abs=1e-7)
+    assert later.settings["t_end"] == 13.0

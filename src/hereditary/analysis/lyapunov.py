@@ -33,10 +33,12 @@ from ..given.steps import steps_in
 from ..solver.opening import chooses_steps, how_to_step, open_stepper
 from ..solver.progress import Interruption, ProgressBar
 from ..solver.run import Drive, reached_end, report
+from ..solver.solve import run_end
 from ..stepping.dense import Piece
 from ..stepping.scheme import Scheme
 from ..stepping.status import Ending, Status
 from ..stepping.stepper import TangentStepper
+from ..stepping.times import checked_breaks
 from ..support.checks import (
     count,
     instance,
@@ -122,6 +124,7 @@ def lyapunov(
     separation: float = 1e-7,
     rtol: float | None = None,
     atol: float | ArrayLike | None = None,
+    breaks: ArrayLike = (),
     verify: bool | None = None,
     progress: bool = False,
 ) -> LyapunovResult:
@@ -136,7 +139,7 @@ def lyapunov(
     ----------
     equation : Equation
     t_end : float
-        End of the run, above 0 [time].
+        End of the run, above the equation's t_start [time].
     n_steps : int, optional
         Number of steps; or `rtol`. With `Collocation`, which chooses its own steps, the number of
         times at which tangents may be made orthonormal, 65536 by default.
@@ -159,7 +162,7 @@ def lyapunov(
         Interval between two renormalisations [time], rounded to whole steps; by default it follows
         the growth.
     transient : float, optional
-        Growth before this time is not counted [time].
+        Growth in this time after t_start is not counted [time].
     directions : array_like, shape (n_data, k), optional
         Initial directions: rows for y(0), then for y'(0) of each component of order above 1. Random
         and orthonormal by default, from `seed`; the same for every k.
@@ -174,6 +177,9 @@ def lyapunov(
         the linearisation like separation.
     rtol, atol : float, optional
         Tolerances of the orbit with `Collocation`, as for `solve`; mode "tangent" alone.
+    breaks : array_like, shape (k,), optional
+        Times at which the right-hand side jumps, as for `solve`. With given steps the second run
+        then has half the step, because twice the step may miss them.
     verify : bool, optional
         By default the run is repeated at twice the step, with `Collocation` at ten times the
         tolerance, and verdicts that change are "undetermined". Schemes of first order often have
@@ -227,7 +233,7 @@ def lyapunov(
     run = partial(
         _run, equation, k=k, mode=mode, history=history, renorm=renorm, transient=transient,
         directions=directions, seed=seed, window=window, n_blocks=n_blocks, separation=separation,
-        progress=progress,
+        breaks=breaks, progress=progress,
     )  # fmt: skip
     result = run(t_end, n_steps, scheme, rtol, atol)
     if result.status not in _AT_END or verify is False:
@@ -235,7 +241,7 @@ def lyapunov(
     unknown = set(result.verdicts) == {Verdict.UNDETERMINED}
     if unknown and (verify is None or _JUMPS in result.message):
         return result
-    other, how = _another(equation, scheme, result, bool(verify))
+    other, how = _another(equation, scheme, result, bool(verify), np.size(breaks) > 0)
     try:
         with silence():
             check, reason = run(*other), ""
@@ -245,11 +251,12 @@ def lyapunov(
 
 
 def _another(
-    equation: Equation, scheme: Scheme, result: LyapunovResult, finer: bool
+    equation: Equation, scheme: Scheme, result: LyapunovResult, finer: bool, broken: bool
 ) -> tuple[tuple, str]:
     """Return t_end, steps, scheme and tolerances of the run with which verdicts are compared.
 
-    Return also a clause on how this run differs.
+    Return also a clause on how this run differs. Given steps of a run with breaks (`broken`) are
+    halved, because the breaks are times of steps.
     """
     n, found = result.stats["n_steps"], result.settings
     if chooses_steps(scheme):
@@ -258,11 +265,12 @@ def _another(
         atol = None if found["atol"] is None else factor * np.asarray(found["atol"])
         how = "a tenth of the tolerance" if finer else "ten times the tolerance"
         return (found["t_end"], n, scheme, factor * found["rtol"], atol), how
-    n, h = (2 * n, found["h"] / 2) if finer else (n // 2, 2 * found["h"])
+    halved = finer or broken
+    n, h = (2 * n, found["h"] / 2) if halved else (n // 2, 2 * found["h"])
     other = scheme if finer else _checking_scheme(scheme, equation)
-    how = "half the step" if finer else "twice the step"
+    how = "half the step" if halved else "twice the step"
     how += "" if other == scheme else f" and {other!r}"
-    return (n * h, n, other, None, None), how
+    return (equation.t_start + n * h, n, other, None, None), how
 
 
 def _compared(
@@ -306,14 +314,13 @@ def _run(
     window: Any,
     n_blocks: Any,
     separation: Any,
+    breaks: ArrayLike,
     progress: bool,
 ) -> LyapunovResult:
     """Return the result of one run, whose arguments are those of `lyapunov`."""
-    began = time.perf_counter()
-    t_end = positive("t_end", t_end)
-    if equation.t_start != 0:
-        required = "be 0 for exponents"
-        refuse("t_start", required, equation.t_start, "shift the time in rhs")
+    began, start = time.perf_counter(), equation.t_start
+    t_last = run_end("t_end", t_end, start)
+    t_end = t_last - start
     instance("scheme", scheme, Scheme, "hereditary.ExplicitCaputo()")
     within("window", window, 1e-6, 1.0, "(0, 1]")
     if count("n_blocks", n_blocks) > _MOST_BLOCKS:
@@ -340,7 +347,8 @@ def _run(
     if count("k", k) > most:
         refuse("k", f"be at most the number of initial data, {most}", k)
     interval = None if renorm is None else max(1, steps_in("renorm", positive("renorm", renorm), h))
-    transient = round(within("transient", transient, 0.0, h * (n - 1), "[0, t_end)") / h)
+    inside = "[0, t_end)" if start == 0 else "[0, t_end - t_start)"
+    transient = round(within("transient", transient, 0.0, h * (n - 1), inside) / h)
     if isinstance(seed, bool) or not isinstance(seed, (int, np.integer)) or seed < 0:
         refuse("seed", "be a whole number of at least 0", repr(seed), kind=TypeError)
     separation = _separation(separation, equation)
@@ -351,6 +359,7 @@ def _run(
         stepper = Pairs(lambda system: opened(system)[0], system, directions, separation)
     else:
         stepper, _ = opened(system, directions=directions)
+    stepper.set_breaks(checked_breaks(breaks, start), t_end)
     plain = memory(system) == "none" and not equation.system.read.any()
     flow = Divergence(system, h) if mode == "tangent" and plain and k == most else None
     unit = stepper.stop_at(h).position
@@ -363,7 +372,7 @@ def _run(
     settings = {
         "mode": mode, "k": int(k), "h": h, "renorm": interval and h * interval,
         "transient": h * transient, "seed": int(seed), "separation": separation, "scheme": scheme,
-        "history": history, "t_end": t_end, "window": window,
+        "history": history, "t_end": t_last, "window": window,
     }  # fmt: skip
     settings |= {"rtol": how.rtol, "atol": how.atol} if chooses_steps(scheme) else {}
     seconds = time.perf_counter() - began
@@ -402,7 +411,7 @@ def _found(
         defect, dimension = float(totals[-1].sum() - integral) / times[-1], kaplan_yorke(exponents)
     return LyapunovResult(
         exponents=exponents,
-        times=late,
+        times=late + equation.t_start,
         trace=trace,
         log_growth=sums,
         **vars(growth),

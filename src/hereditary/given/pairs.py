@@ -34,6 +34,11 @@ class Pairs(TangentStepper):
         self._others = [opened(displaced(system, y0)) for y0 in starts]
         self._all = [self._orbit, *self._others]
 
+    def set_breaks(self, times, t_end):
+        """Let all orbits see jumps of f at these times."""
+        for stepper in self._all:
+            stepper.set_breaks(times, t_end)
+
     def stop_at(self, t):
         """Return the first step not before t, and its time."""
         return self._orbit.stop_at(t)
