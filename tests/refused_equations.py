@@ -303,7 +303,12 @@ FUNCTIONS = [
 READ = [
     (lambda: equation(0.9, rhs=lambda t, y, params: -y, memory=C(0.5)),
      TypeError, "take memory third.*memory= pass it there"),
-    (lambda: equation(0.9, memory=C(0.5)), TypeError, r"rhs\(t, y, memory\)"),
+    (lambda: equation(0.9, memory=C(0.5)),
+     TypeError, r"rhs\(t, y, memory\).*got decay\(t, y\); memory= passes memory third, in the"),
+    (lambda: equation(0.9, rhs=lambda t, y, memory, p: -y),
+     TypeError, r"rhs must fill dy.*; rhs\(t, y, memory, params\) needs memory="),
+    *each(lambda terms: equation(terms), [hd.Delay(1.0), [C(0.9), hd.Delay(1.0)]],
+          TypeError, r"terms must be .*, got Delay\(1.0\); name it in memory="),
     *each(lambda order: equation(0.9, rhs=read, memory=C(order)), [0.9, 1.2],
           ValueError, "memory must have orders below"),
     *each(lambda memory: equation(0.9, rhs=read, memory=memory), [airy, 0.5, [0.5], None],

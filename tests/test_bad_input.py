@@ -1,6 +1,8 @@
 """Bad input: refused before any run, in one wording."""
 
+import inspect
 import math
+import re
 from functools import partial
 
 import numpy as np
@@ -104,6 +106,28 @@ def test_what_is_neither_of_the_choices_is_refused(call, name, value):
     more = {"p0": {"modulus": 1.0}} if call == "moduli" else {}
     with pytest.raises(BAD, match=f"{name} must"):
         CALLS[call](**more | {name: value})
+
+
+# Functions that lack some arguments of `solve`; the other arguments do not matter.
+LACKING = (
+    hd.convergence_table, hd.derivative, hd.ensemble, hd.frequency_response, hd.lyapunov,
+    hd.memory_term, hd.sensitivities, hd.sweep, hd.solve_ivp,
+)  # fmt: skip
+
+
+@pytest.mark.parametrize("function", LACKING, ids=lambda f: f.__name__)
+def test_an_argument_that_only_solve_takes_is_refused_with_a_remedy(function):
+    own = inspect.signature(function).parameters.values()
+    required = [decay] * sum(p.default is p.empty and p.kind is not p.VAR_KEYWORD for p in own)
+    of_solve = inspect.signature(hd.solve).parameters.values()
+    names = {p.name for p in of_solve if p.default is not p.empty} - {p.name for p in own}
+    assert len(names) > 3
+    for name in names:
+        with pytest.raises(
+            TypeError, match=f"{name} must be left out of {function.__name__}, got"
+        ) as caught:
+            function(*required, **{name: 0.125})
+        assert re.search(r"0\.125; .*\w", str(caught.value))
 
 
 @pytest.mark.parametrize("value", [1, 0, True, False, np.True_])

@@ -18,6 +18,10 @@ def halved(t):
     return t**-0.5
 
 
+def late(t, y, memory):
+    return -memory[0]
+
+
 def fitted():
     data = hd.solve(DECAY.replace(params=[1.5]), 2.0, rtol=1e-8)(TIMES)[:, 0] + [1e-3, 0.0, -1e-3]
     return hd.fit(lambda rate: DECAY.replace(params=[rate]), TIMES, data, {"rate": 1.0})
@@ -48,6 +52,13 @@ RESULTS = {
     r"LaplaceKernel\(halved, singular_exponent=0\.5\)": lambda: hd.kernel_from_laplace(halved),
     r"TabulatedKernel\(4 values, t = 1 \.\. 4, singular_exponent=0\)": (
         lambda: hd.Kernel.from_table([1.0, 2.0, 3.0, 4.0], [1.0, 1.0, 0.9, 0.1])
+    ),
+}
+
+
+RESULTS |= {
+    r"Equation\(1\.0 \* Caputo\(0\.5\) = rhs, d=1, memory=\[Delay\(2\.0\), .*Caputo\(0\.3\)\]\)": (
+        lambda: hd.Equation(hd.Caputo(0.5), late, 1.0, memory=[hd.Delay(2.0), hd.Caputo(0.3)])
     ),
 }
 

@@ -23,6 +23,7 @@ from .given.schemes.l12 import L12
 from .kernels.named_kernels import PowerLaw
 from .kernels.special import graded_unit
 from .kernels.step_kernel import Integrated
+from .solver.elsewhere import lacking
 from .stepping.scheme import Scheme
 from .support.checks import instance, real, real_array, refuse, shown
 
@@ -42,6 +43,7 @@ _SMOOTH = 6.0
 _NEAREST = 2.0**-50
 
 
+@lacking("it solves no equation, as solve(...) does")
 def derivative(
     t: ArrayLike,
     y: ArrayLike | Callable,

@@ -20,6 +20,7 @@ from .equation.equation import Equation, current_equation
 from .given.history.history import History
 from .given.opening import open_members
 from .given.steps import kept_steps
+from .solver.elsewhere import lacking
 from .solver.opening import chooses_steps, how_to_step
 from .solver.output import room_for
 from .solver.progress import Interruption, ProgressBar
@@ -198,6 +199,7 @@ class Ensemble:
         return f"Ensemble({done}; {self.t.size} rows of {self.y.shape[2]} components)"
 
 
+@lacking()
 def ensemble(
     equation: Equation,
     t_end: float,

@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike
 from .collocation.method import Collocation
 from .equation.equation import Equation
 from .equation.operators import Caputo
+from .solver.elsewhere import OF_SOLVE
 from .solver.solution import Solution
 from .solver.solve import evaluation_times, solve
 from .stepping.status import Status
@@ -116,7 +117,10 @@ def solve_ivp(
     [-0.5292, -0.1111]
     """
     for name, value in options.items():
-        default, remedy = _UNKNOWN.get(name, (..., "see help(hereditary.solve_ivp)"))
+        where = (
+            "hereditary.solve takes it" if name in OF_SOLVE else "see help(hereditary.solve_ivp)"
+        )
+        default, remedy = _UNKNOWN.get(name, (..., where))
         if not (value is default or (np.isscalar(value) and value == default)):
             refuse(name, "be left out of solve_ivp", repr(value), remedy, kind=TypeError)
     one_of("method", method, _METHODS, f"be one of {', '.join(_METHODS)}")

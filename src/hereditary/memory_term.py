@@ -20,6 +20,7 @@ from .given.plan import Plan
 from .given.signatures import MarchMemory
 from .given.steps import UniformSteps
 from .kernels.memory_kernel import MemoryKernel, warn_of_fit
+from .solver.elsewhere import lacking
 from .stepping.scheme import Scheme
 from .stepping.state import described, described_terms
 from .support.checks import count, instance, positive, real, real_array, refuse, shown
@@ -186,6 +187,7 @@ class MemoryTerm:
         self._known = None
 
 
+@lacking("the program that makes the steps has it")
 def memory_term(
     kernel_or_order: float | MemoryKernel,
     h: float,

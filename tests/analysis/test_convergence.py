@@ -38,6 +38,34 @@ def test_the_table_in_print():
     assert repr(table).splitlines()[-1].endswith("errors by Runge's rule")
 
 
+def test_errors_of_tolerances():
+    """Errors against a finer run are those against the exact solution, and stay below rtol."""
+    equation = hd.scenes.van_der_pol(y0=(1.0, 0.5))
+    rtol = np.array([1e-3, 1e-5, 1e-7])
+    found = hd.convergence_table(equation, 5.0, rtol=rtol)
+    size = np.abs(hd.solve(equation, 5.0, rtol=1e-8).y).max()
+    assert np.all(found.errors < 10 * rtol * size)
+    assert np.all(np.diff(found.n_steps) > 0)
+    assert found.slope > 0.5
+    assert found.h.tolist() == (5.0 / found.n_steps).tolist()
+    assert repr(found).endswith("errors against a run with rtol = 1e-09")
+    reference = hd.solve(equation, 5.0, rtol=1e-11)
+    known = hd.convergence_table(equation, 5.0, rtol=rtol, exact=reference)
+    assert known.errors == pytest.approx(found.errors, rel=0.05, abs=1e-9 * size)
+    heads, _, first, *_ = found.to_markdown().splitlines()
+    assert heads == "| rtol | N | error | order |"
+    assert first.startswith(f"| 0.001 | {found.n_steps[0]} |")
+    assert r"rtol & $N$ & error & order \\" in found.to_latex()
+
+
+def test_a_break_is_a_step():
+    equation = hd.Equation(hd.Caputo(0.8), lambda t, y: -y + (1.0 if t >= 1.0 else 0.0), 1.0)
+    table = hd.convergence_table(equation, 2.0, rtol=[1e-4, 1e-8], breaks=[1.0])
+    assert table.errors[-1] < 1e-7
+    with pytest.raises(ValueError, match="breaks must be times of steps"):
+        hd.convergence_table(equation, 2.0, [3, 6], breaks=[1.0])
+
+
 def test_a_run_that_does_not_complete_is_told():
     growing = hd.Equation(hd.Caputo(0.8), lambda t, y: y**2, 5.0)
     with (

@@ -1,22 +1,27 @@
-"""Tables of errors against numbers of steps, as papers print them."""
+"""Tables of errors against numbers of steps or tolerances, as papers print them."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
 from itertools import pairwise
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
+from ..collocation.opening import TOLERANCE_FLOOR
 from ..equation.equation import Equation
 from ..given.history.history import History
+from ..solver.elsewhere import lacking
 from ..solver.solution import Solution
 from ..solver.solve import solve
 from ..stepping.scheme import Scheme
 from ..support.checks import count, real_array, refuse, shown, truth, whole
 
-_HEADS = "N", "h", "error", "order"
+# Ratio of the tolerance of the run that others are compared with to their smallest one. With a
+# tenth the errors of both would be of similar size.
+_FINER = 0.01
 
 
 @dataclass(frozen=True, eq=False)
@@ -27,15 +32,19 @@ class ConvergenceTable:
     ----------
     n_steps : ndarray of int, shape (k,)
     h : ndarray, shape (k,)
-        Steps [time].
+        Steps, with tolerances their mean [time].
     errors : ndarray, shape (k,)
         Largest error of any component, in units of y.
     orders : ndarray, shape (k-1,)
-        Observed order between neighbours, ``log(e_i / e_(i+1)) / log(N_(i+1) / N_i)``.
+        Observed order between neighbours, ``log(e_i / e_(i+1)) / log(N_(i+1) / N_i)``. With
+        tolerances it is ``log(e_i / e_(i+1)) / log(rtol_i / rtol_(i+1))``, which is 1 if errors are
+        proportional to them.
     slope : float
         Least-squares order over all of them.
     by : str
         How errors were found.
+    rtol : ndarray, shape (k,), or None
+        Tolerances, if they were given in place of numbers of steps.
     """
 
     n_steps: np.ndarray
@@ -44,42 +53,54 @@ class ConvergenceTable:
     orders: np.ndarray
     slope: float
     by: str
+    rtol: np.ndarray | None = None
+
+    @property
+    def _heads(self) -> tuple[str, ...]:
+        return (
+            ("N", "h", "error", "order") if self.rtol is None else ("rtol", "N", "error", "order")
+        )
 
     def _cells(self) -> list[tuple[str, ...]]:
         orders = ["", *(f"{p:.2f}" for p in self.orders)]
-        values = zip(self.n_steps, self.h, self.errors, orders, strict=True)
-        return [(str(n), f"{h:.4g}", f"{e:.3e}", p) for n, h, e, p in values]
+        errors, steps = [f"{e:.3e}" for e in self.errors], [str(n) for n in self.n_steps]
+        if self.rtol is not None:
+            return list(zip([f"{r:.3g}" for r in self.rtol], steps, errors, orders, strict=True))
+        return list(zip(steps, [f"{h:.4g}" for h in self.h], errors, orders, strict=True))
 
     def to_markdown(self) -> str:
         """Return the table in Markdown."""
-        rows = [_HEADS, ("---:",) * len(_HEADS), *self._cells()]
+        rows = [self._heads, ("---:",) * len(self._heads), *self._cells()]
         return "\n".join("| " + " | ".join(row) + " |" for row in rows)
 
     def to_latex(self) -> str:
         """Return the table as a tabular environment of LaTeX, with booktabs' rules."""
-        heads = "$N$ & $h$ & error & order"
+        heads = "$N$ & $h$ & error & order" if self.rtol is None else "rtol & $N$ & error & order"
         rows = [" & ".join(row) + r" \\" for row in self._cells()]
         lines = [r"\begin{tabular}{rrrr}", r"\toprule", heads + r" \\", r"\midrule", *rows]
         return "\n".join([*lines, r"\bottomrule", r"\end{tabular}"])
 
     def __repr__(self) -> str:
-        rows = [_HEADS, *self._cells()]
+        rows = [self._heads, *self._cells()]
         widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
         lines = ["  ".join(map(str.rjust, row, widths)) for row in rows]
         return "\n".join([*lines, f"order {self.slope:.2f} over all; {self.by}"])
 
 
+@lacking()
 def convergence_table(
     equation: Equation,
     t_end: float,
-    n_steps: ArrayLike,
+    n_steps: ArrayLike | None = None,
     *,
+    rtol: ArrayLike | None = None,
     scheme: Scheme | None = None,
     history: History | None = None,
+    breaks: ArrayLike = (),
     exact: Callable | None = None,
     at_end: bool = False,
 ) -> ConvergenceTable:
-    """Measure errors of a scheme at several numbers of steps, and its observed order.
+    """Measure errors of a scheme at several numbers of steps or tolerances, and its order.
 
     Parameters
     ----------
@@ -88,12 +109,15 @@ def convergence_table(
         End of the runs [time].
     n_steps : sequence of int, shape (k,)
         Increasing numbers of uniform steps, k >= 2.
-    scheme, history : optional
+    rtol : sequence of float, shape (k,)
+        Decreasing tolerances of `Collocation`, in place of numbers of steps.
+    scheme, history, breaks : optional
         As in `solve`.
     exact : callable, optional
         ``exact(t)``: the solution at times (n,), shape (n, d), as in `hereditary.exact`. By default
         errors are found by Runge's rule. Each run is compared with one of twice as many steps. The
-        difference is divided by ``1 - 2**-p``, with the order p that the differences show.
+        difference is divided by ``1 - 2**-p``, with the order p that the differences show. Runs to
+        a tolerance are compared with one to a hundredth of the smallest tolerance, or 1e-12.
     at_end : bool, optional
         Errors at t_end instead of the largest ones at the times of all steps.
 
@@ -115,7 +139,7 @@ def convergence_table(
 
     Cost
     ----
-    The runs; with Runge's rule three times as much.
+    The runs; with Runge's rule three times as much, with tolerances one run more.
 
     Examples
     --------
@@ -128,35 +152,67 @@ def convergence_table(
     | 1000 | 0.005 | 3.989e-02 | 0.95 |
     | 2000 | 0.0025 | 2.067e-02 | 0.95 |
     """
-    numbers = [count("n_steps", whole(n)) for n in np.atleast_1d(np.asarray(n_steps)).tolist()]
-    if len(numbers) < 2 or any(b <= a for a, b in pairwise(numbers)):
-        refuse("n_steps", "be two or more increasing numbers", numbers)
+    if (n_steps is None) == (rtol is None):
+        required, got = "be given, one of the two", "neither" if rtol is None else "both"
+        refuse("n_steps or rtol", required, got)
+    how: dict[str, Any] = {"scheme": scheme, "history": history, "breaks": breaks}
 
-    def run(n: int) -> Solution:
-        found = solve(equation, t_end, n, scheme=scheme, history=history, estimate=False)
+    def run(**steps: Any) -> Solution:
+        found = solve(equation, t_end, estimate=False, **how, **steps)
         if not found.success:
-            raise RuntimeError(f"{n} steps: {found.message}")
+            ((name, value),) = steps.items()
+            said = f"{value} steps" if name == "n_steps" else f"rtol = {value:g}"
+            raise RuntimeError(f"{said}: {found.message}")
         return found
 
-    errors = []
-    at_end = truth("at_end", at_end)
-    for n in numbers:
-        found = run(n)
+    at_end, known, by = truth("at_end", at_end), exact, "errors against the exact solution"
+    tolerances = None if rtol is None else _decreasing(rtol)
+    if tolerances is None:
+        asked: list[dict[str, Any]] = [{"n_steps": n} for n in _increasing(n_steps)]
+    else:
+        asked = [{"rtol": each} for each in tolerances.tolist()]
+        if known is None:
+            finest = max(_FINER * float(tolerances[-1]), TOLERANCE_FLOOR)
+            known, by = run(rtol=finest), f"errors against a run with rtol = {finest:g}"
+    numbers, errors = [], []
+    for steps in asked:
+        found = run(**steps)
+        numbers.append(found.stats["n_steps"])
         t, y = (found.t[-1:], found.y[-1:]) if at_end else (found.t, found.y)
-        known = run(2 * n).y[::2][-len(y) :] if exact is None else np.asarray(exact(t))
-        if known.shape != y.shape:
+        if known is None:
+            true = run(n_steps=2 * numbers[-1]).y[::2][-len(y) :]
+        else:
+            true = np.asarray(known(t))
+        if true.shape != y.shape:
             required = f"return shape (n, {y.shape[1]}) for times (n,)"
-            refuse("exact", required, f"shape {known.shape} for n = {len(y)}")
-        errors.append(float(np.abs(y - known).max()))
+            refuse("exact", required, f"shape {true.shape} for n = {len(y)}")
+        errors.append(float(np.abs(y - true).max()))
     if not min(errors) > 0:
-        refuse("n_steps", "leave errors above 0", shown(errors), "take fewer steps")
-    orders, slope = observed_order(numbers, errors)
-    by = "errors against the exact solution"
-    if exact is None:
+        name, remedy = ("n_steps", "fewer steps") if rtol is None else ("rtol", "larger ones")
+        refuse(name, "leave errors above 0", shown(errors), f"take {remedy}")
+    orders, slope = observed_order(numbers if tolerances is None else 1 / tolerances, errors)
+    if known is None:
         by = "errors by Runge's rule"
         errors = [error / (1 - 2.0**-slope) for error in errors] if slope > 0 else errors
     h = (t_end - equation.t_start) / np.array(numbers)
-    return ConvergenceTable(np.array(numbers), h, np.array(errors), orders, slope, by)
+    columns = np.array(numbers), h, np.array(errors), orders
+    return ConvergenceTable(*columns, slope, by, tolerances)
+
+
+def _increasing(n_steps: Any) -> list[int]:
+    """Return numbers of steps, checked."""
+    numbers = [count("n_steps", whole(n)) for n in np.atleast_1d(np.asarray(n_steps)).tolist()]
+    if len(numbers) < 2 or any(b <= a for a, b in pairwise(numbers)):
+        refuse("n_steps", "be two or more increasing numbers", numbers)
+    return numbers
+
+
+def _decreasing(rtol: ArrayLike) -> np.ndarray:
+    """Return tolerances, checked, (k,)."""
+    tolerances = np.atleast_1d(real_array("rtol", rtol))
+    if tolerances.ndim != 1 or tolerances.size < 2 or np.any(np.diff(tolerances) >= 0):
+        refuse("rtol", "be two or more decreasing tolerances", shown(tolerances))
+    return tolerances
 
 
 def observed_order(n_steps: ArrayLike, errors: ArrayLike) -> tuple[np.ndarray, float]:

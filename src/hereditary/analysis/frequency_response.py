@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..equation.equation import Equation, current_equation
+from ..solver.elsewhere import OF_SOLVE, lacking
 from ..support.checks import count, real_array, refuse, shown
 from ..support.warning import warn
 from .harmonic_balance import Balance
@@ -105,6 +106,10 @@ class FrequencyResponse:
         return float(centre / abs(ends[1] - ends[0]))
 
 
+@lacking(
+    "responses are periodic, of a memory without a start: harmonics sets their accuracy",
+    params=OF_SOLVE["params"],
+)
 def frequency_response(
     equation: Equation,
     omegas: ArrayLike,
@@ -223,11 +228,18 @@ def _check(equation: Equation, frequency: int, along: int | None) -> None:
     """Refuse equations whose operators have no symbol at i omega, and unsuitable parameters."""
     if equation.t_start != 0:
         refuse("t_start", "be 0", equation.t_start, "steady responses know no start")
-    system = equation.system
-    bare = not (system.frame.paired or system.frame.speeds)
-    if not bare or system.varies or system.callbacks or system.delays:
-        required = "be real and compiled, of constant orders up to 2, without delays"
-        refuse("equation", required, repr(equation))
+    system, speeds = equation.system, equation.system.frame.speeds
+    derivatives = "write derivatives as components, orders in Caputo([...])"
+    for present, required, remedy in (
+        (system.frame.paired, "have real y", "write real and imaginary parts as components"),
+        (any(speed >= 0 for speed in speeds), "have orders up to 2", derivatives),
+        (speeds, "have no matrix with a row of zeros", "state coefficients of shape (d,)"),
+        (system.varies, "have constant orders", "take those of one time"),
+        (system.callbacks, "have functions that numba compiles", "use arithmetic and NumPy"),
+        (system.delays, "have no delays", "solve(...) until the motion is periodic"),
+    ):
+        if present:
+            refuse("equation", required, repr(equation), remedy)
     p = equation.params.size
     numbers = {"frequency": frequency} | ({} if along is None else {"along": along})
     for name, number in numbers.items():

@@ -30,6 +30,7 @@ from ..given.schemes.bdf import BDF
 from ..given.schemes.explicit import ExplicitCaputo
 from ..given.schemes.l1 import L1
 from ..given.steps import steps_in
+from ..solver.elsewhere import lacking
 from ..solver.opening import chooses_steps, how_to_step, open_stepper
 from ..solver.progress import Interruption, ProgressBar
 from ..solver.run import Drive, reached_end, report
@@ -46,7 +47,6 @@ from ..support.checks import (
     positive,
     real_array,
     refuse,
-    refusing,
     shown,
     whole,
     within,
@@ -54,8 +54,12 @@ from ..support.checks import (
 from ..support.warning import silence, warn
 from .growth import LyapunovResult, Verdict, assess, kaplan_yorke
 
-# Keywords of former versions, and what to write instead.
-_INSTEAD = {"resume": "make one run to the last time: `trace` has the rates of every earlier one"}
+# Keywords of `solve` and of former versions, and what to write instead.
+_INSTEAD = {
+    "resume": "make one run to the last time: `trace` has the rates of every earlier one",
+    "t_eval": "`trace` has the rates at `times`",
+    "save_every": "`trace` has the rates at `times`",
+}
 _MODES = ("tangent", "pair")
 # Most blocks behind the standard error.
 _MOST_BLOCKS = 10_000
@@ -105,7 +109,7 @@ _ADAMS_HIGHEST = 1.0
 _Moment = tuple[float, np.ndarray]
 
 
-@refusing(_INSTEAD)
+@lacking(**_INSTEAD)
 def lyapunov(
     equation: Equation,
     t_end: float,

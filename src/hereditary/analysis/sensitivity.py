@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike
 from ..equation.equation import Equation, current_equation
 from ..given.history.history import History
 from ..given.steps import kept_steps
+from ..solver.elsewhere import lacking
 from ..solver.opening import chooses_steps, how_to_step, open_stepper
 from ..solver.progress import ProgressBar
 from ..solver.run import reached_end, report
@@ -67,6 +68,7 @@ class Sensitivities:
         return self.status is Status.COMPLETED
 
 
+@lacking(save_every="t_eval names the rows")
 def sensitivities(
     equation: Equation,
     t_end: float,

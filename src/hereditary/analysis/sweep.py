@@ -24,6 +24,7 @@ from typing import Any, BinaryIO
 import numpy as np
 from numpy.typing import ArrayLike
 
+from ..solver.elsewhere import lacking
 from ..solver.first_order import no_estimates
 from ..solver.progress import Interruption, ProgressBar
 from ..support.checks import complaint, instance, refuse, refuse_masked, shown, truth
@@ -38,6 +39,7 @@ _IN_FLIGHT = 1024
 _CHECK = 0.1
 
 
+@lacking("the function that is swept passes it to solve")
 def sweep(
     function: Callable[..., Any],
     grid: Mapping[str, ArrayLike],

@@ -283,7 +283,8 @@ class Equation:
         return with_memory(system, kept) if kept else system
 
     def __repr__(self) -> str:
-        return f"Equation({' + '.join(map(repr, self.terms))} = rhs, d={self.d})"
+        read = f", memory=[{', '.join(map(repr, self.memory))}]" if self.memory else ""
+        return f"Equation({' + '.join(map(repr, self.terms))} = rhs, d={self.d}{read})"
 
     def _repr_html_(self) -> str:
         return formula(self)

@@ -19,7 +19,7 @@ from .terms import Operator, SystemTerm, VaryingOrder
 
 def as_terms(terms: Summand | Iterable[Summand], name: str = "terms") -> tuple[Term, ...]:
     """Return the terms of an argument in any of the forms that `Equation` accepts."""
-    items: Any = [terms] if isinstance(terms, (Summand, numbers.Real)) else terms
+    items: Any = [terms] if isinstance(terms, (Summand, Delay, numbers.Real)) else terms
     required = "be Caputo or Memory operators with coefficients"
     example = "write [Caputo(1.8), 0.25 * Caputo(0.8)]"
     if callable(items) and name == "terms":
@@ -32,6 +32,8 @@ def as_terms(terms: Summand | Iterable[Summand], name: str = "terms") -> tuple[T
         if not isinstance(item, Summand):
             if isinstance(item, numbers.Real):
                 example = f"write Caputo({item}) for a derivative of that order"
+            if isinstance(item, Delay):
+                example = "name it in memory=, for rhs to read"
             refuse(name, required, repr(item), example, kind=TypeError)
     if not items:
         refuse(name, "hold at least one term", repr(terms), example)

@@ -394,7 +394,11 @@ def arity_of(name: str, out: str, fun: Callable[..., Any], start: Start) -> int:
     fixed = [p for p in parameters if p.kind is p.KEYWORD_ONLY and p.default is not p.empty]
     known = len(positional) + len(fixed) == len(parameters)
     if not known or len(positional) - more not in (2, 3, 4):
-        refuse(name, required, got, "pass constants through params", kind=TypeError)
+        remedy = "pass constants through params"
+        if known and len(positional) < 2 + more:
+            remedy = "memory= passes memory third" if len(positional) == 2 else "take t and y"
+            remedy += f", {defined(fun)}"
+        refuse(name, required, got, remedy, kind=TypeError)
     if positional[1].name in ("t", "time"):
         refuse(name, "take t first and y second", got, defined(fun), kind=TypeError)
     if more and positional[2].name in ("p", "params", "dy", "jacobian"):
@@ -459,9 +463,11 @@ def _values(
 
     def hinted() -> str:
         if arity < 4:
-            return hint()
+            empty = arity == 3 and not p.size
+            return hint() + ("; params is empty: give params=, or memory= to read" if empty else "")
         words = ("five", "fourth", "fifth") if len(memory) else ("four", "third", "fourth")
         more = "; with {} arguments the {} is {out}, to be filled, and the {} params"
+        more += "" if len(memory) else f"; {name}(t, y, memory, params) needs memory="
         return hint() + more.format(*words, out=out)
 
     try:

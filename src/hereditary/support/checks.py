@@ -52,14 +52,19 @@ def left_out(reason: str, remedy: str = "", **given: Any) -> None:
 
 
 def refusing(instead: dict[str, str]) -> Callable[[Callable[_P, _R]], Callable[_P, _R]]:
-    """Return a decorator that refuses keywords by name and says what to write `instead`."""
+    """Return a decorator that refuses keywords by name and says what to write `instead`.
+
+    Names of the function's own arguments are not refused.
+    """
 
     def decorator(function: Callable[_P, _R]) -> Callable[_P, _R]:
+        foreign = instead.keys() - inspect.signature(function).parameters
+
         @wraps(function)
         def checked(*args: _P.args, **keywords: _P.kwargs) -> _R:
-            for name in keywords.keys() & instead:
-                required = f"be left out of {function.__name__}"
-                refuse(name, required, repr(keywords[name]), instead[name], kind=TypeError)
+            for name in keywords.keys() & foreign:
+                required, got = f"be left out of {function.__name__}", reprlib.repr(keywords[name])
+                refuse(name, required, got, instead[name], kind=TypeError)
             return function(*args, **keywords)
 
         return checked
