@@ -282,7 +282,47 @@ def test_fit_of_creep():
     assert found.parameters == pytest.approx({"modulus": 6.0, "order": 0.4}, rel=1e-4)
 
 
+# a model, its parameters and a first guess
+FITTED = {
+    "Zener": (
+        lambda e, g, m, a: ve.zener(spring(e), spring(g), SpringPot(m, a)),
+        {"e": 1.0, "g": 4.0, "m": 4.0, "a": 0.6},
+        {"e": 0.5, "g": 2.0, "m": 2.0, "a": 0.5},
+    ),
+    "Burgers": (
+        lambda e, v, g, w: ve.burgers(spring(e), ve.dashpot(v), spring(g), ve.dashpot(w)),
+        {"e": 3.0, "v": 50.0, "g": 5.0, "w": 20.0},
+        {"e": 1.0, "v": 20.0, "g": 2.0, "w": 10.0},
+    ),
+}
+
+
+@pytest.mark.parametrize("response", ["relaxation", "creep"])
+@pytest.mark.parametrize("name", FITTED)
+def test_fits_of_responses(name, response):
+    """Exact data give the parameters; errors of 1 % move them by some standard errors."""
+    (model, true, guess), fit = FITTED[name], getattr(ve, f"fit_{response}")
+    t, bounds = np.geomspace(1e-2, 60.0, 40), {"a": (0, 1)} if name == "Zener" else None
+    data = getattr(model(**true), response)(t)
+    found = fit(model, t, data, guess, bounds=bounds)
+    assert found.success
+    assert found.parameters == pytest.approx(true, rel=1e-6)
+    assert found.residuals.shape == t.shape
+    noise = np.random.default_rng(0).normal(size=t.size)
+    found = fit(model, t, data * np.exp(0.01 * noise), guess, bounds=bounds)
+    for part, value in true.items():
+        assert abs(found.parameters[part] - value) < 4 * found.standard_errors[part]
+        assert found.standard_errors[part] < 0.2 * value
+    assert np.array_equal(found.model.relaxation(t), model(**found.parameters).relaxation(t))
+
+
 def test_refusals():
+    with pytest.raises(
+        ValueError, match="model must have relaxation above 0, got 0 from SpringPot"
+    ):
+        ve.fit_relaxation(ve.dashpot, [1.0, 2.0], [1.0, 0.5], {"viscosity": 1.0})
+    with pytest.raises(ValueError, match=r"creep must have shape \(n,\) as t"):
+        ve.fit_creep(spring, [1.0, 2.0], [1.0], {"modulus": 1.0})
     with pytest.raises(ValueError, match=r"order must lie in \[0, 1\]"):
         SpringPot(1.0, 1.5)
     with pytest.raises(ValueError, match="modulus must be a finite number above 0"):

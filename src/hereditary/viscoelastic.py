@@ -9,7 +9,7 @@ The transform of the relaxation modulus is g, that of the rate of creep is c.
 from __future__ import annotations
 
 import reprlib
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property, partial
 
@@ -36,11 +36,14 @@ from .support.checks import (
 __all__ = [
     "Combined",
     "Model",
+    "ModelFit",
     "ModuliFit",
     "SpringPot",
     "burgers",
     "dashpot",
+    "fit_creep",
     "fit_moduli",
+    "fit_relaxation",
     "kelvin_voigt",
     "maxwell",
     "parallel",
@@ -315,8 +318,8 @@ def burgers(first: Model, second: Model, third: Model, fourth: Model) -> Model:
 
 
 @dataclass(frozen=True, eq=False)
-class ModuliFit:
-    """Parameters of a model that fit storage and loss moduli best.
+class ModelFit:
+    """Parameters of a model that fit measured moduli, relaxation or creep best.
 
     Attributes
     ----------
@@ -324,8 +327,8 @@ class ModuliFit:
         By name; errors by the linear theory of least squares, NaN at a bound.
     model : Model
         The model with these parameters.
-    residuals : ndarray, shape (2, n)
-        ``log(model / data)`` of G' and of G''.
+    residuals : ndarray, shape (n,), or (2, n) for G' and G''
+        ``log(model / data)``.
     success : bool
     message : str
     """
@@ -338,6 +341,10 @@ class ModuliFit:
     message: str
 
 
+# The name of a time when moduli alone were fitted.
+ModuliFit = ModelFit
+
+
 def fit_moduli(
     model: Callable[..., Model],
     omega: ArrayLike,
@@ -346,10 +353,8 @@ def fit_moduli(
     p0: Mapping[str, float],
     *,
     bounds: Mapping[str, tuple[float, float]] | None = None,
-) -> ModuliFit:
+) -> ModelFit:
     """Fit a model to storage and loss moduli by least squares of their logarithms.
-
-    Creep and relaxation are fitted by `hereditary.fit` with the equations of a model.
 
     Parameters
     ----------
@@ -365,17 +370,93 @@ def fit_moduli(
 
     Returns
     -------
-    ModuliFit
+    ModelFit
     """
+    measured = {"storage": storage, "loss": loss}
+    return _fitted(model, "omega", omega, measured, lambda made, w: made.moduli(w), p0, bounds)
+
+
+def fit_relaxation(
+    model: Callable[..., Model],
+    t: ArrayLike,
+    relaxation: ArrayLike,
+    p0: Mapping[str, float],
+    *,
+    bounds: Mapping[str, tuple[float, float]] | None = None,
+) -> ModelFit:
+    """Fit a model to its relaxation modulus by least squares of the logarithm.
+
+    Parameters
+    ----------
+    model : callable
+        ``model(**parameters)`` returns a model.
+    t, relaxation : array_like, shape (n,)
+        Times after a step of the strain [time], and the stress over this step [stress], above 0.
+    p0, bounds
+        As in `fit_moduli`.
+
+    Returns
+    -------
+    ModelFit
+
+    Examples
+    --------
+    >>> from hereditary.viscoelastic import SpringPot, fit_relaxation
+    >>> data = SpringPot(2.0, 0.4).relaxation([0.1, 1.0, 10.0])
+    >>> found = fit_relaxation(SpringPot, [0.1, 1, 10], data, {"modulus": 1.0, "order": 0.5})
+    >>> {name: round(value, 6) for name, value in found.parameters.items()}
+    {'modulus': 2.0, 'order': 0.4}
+    """
+    measured = {"relaxation": relaxation}
+    return _fitted(model, "t", t, measured, lambda made, t: [made.relaxation(t)], p0, bounds)
+
+
+def fit_creep(
+    model: Callable[..., Model],
+    t: ArrayLike,
+    creep: ArrayLike,
+    p0: Mapping[str, float],
+    *,
+    bounds: Mapping[str, tuple[float, float]] | None = None,
+) -> ModelFit:
+    """Fit a model to its creep compliance by least squares of the logarithm.
+
+    Parameters
+    ----------
+    model : callable
+        ``model(**parameters)`` returns a model.
+    t, creep : array_like, shape (n,)
+        Times after a step of the stress [time], and the strain over this step [1/stress], above 0.
+    p0, bounds
+        As in `fit_moduli`.
+
+    Returns
+    -------
+    ModelFit
+    """
+    return _fitted(model, "t", t, {"creep": creep}, lambda made, t: [made.creep(t)], p0, bounds)
+
+
+def _fitted(
+    model: Callable[..., Model],
+    place: str,
+    places: ArrayLike,
+    measured: dict[str, ArrayLike],
+    responses: Callable[[Model, np.ndarray], Sequence[np.ndarray]],
+    p0: Mapping[str, float],
+    bounds: Mapping[str, tuple[float, float]] | None,
+) -> ModelFit:
+    """Fit a model to its responses, k rows (n,), measured at frequencies or times (n,)."""
     from scipy.optimize import least_squares
 
-    frequencies = _positive_array("omega", omega)
-    measured = _positive_array("storage", storage), _positive_array("loss", loss)
-    for each in measured:
-        if frequencies.ndim != 1 or each.shape != frequencies.shape:
-            got = f"{each.shape} beside {frequencies.shape} of omega"
-            refuse("storage and loss", "have shape (n,) as omega", got)
-    data = np.array(measured)
+    at = _positive_array(place, places)
+    rows = [_positive_array(name, values) for name, values in measured.items()]
+    names_of_rows = " and ".join(measured)
+    for each in rows:
+        if at.ndim != 1 or each.shape != at.shape:
+            got = f"{each.shape} beside {at.shape} of {place}"
+            refuse(names_of_rows, f"have shape (n,) as {place}", got)
+    data = np.array(rows)
     function("model", model, "model(**parameters)")
     names = list(mapping("p0", p0, "be a mapping of names to numbers"))
     start = _positive_array("p0", list(p0.values()))
@@ -387,21 +468,24 @@ def fit_moduli(
         found = model(**dict(zip(names, p.tolist(), strict=True)))
         return instance("what model returns", found, Model, "a function that returns a Model")
 
-    found = least_squares(
-        lambda p: np.log(np.array(made(p).moduli(frequencies)) / data).ravel(),
-        start,
-        bounds=tuple(limits),
-        x_scale=start,
-    )
+    def residuals(p: np.ndarray) -> np.ndarray:
+        with np.errstate(divide="ignore"):
+            return np.log(np.array(responses(made(p), at)) / data).ravel()
+
+    first = residuals(start)
+    if not np.all(np.isfinite(first)):
+        got, remedy = f"0 from {made(start)!r}", "add an element that responds"
+        refuse("model", f"have {names_of_rows} above 0", got, remedy)
+    found = least_squares(residuals, start, bounds=tuple(limits), x_scale=start)
     free = found.active_mask == 0
-    errors, left = np.full(start.size, np.nan), max(1, 2 * frequencies.size - start.size)
+    errors, left = np.full(start.size, np.nan), max(1, data.size - start.size)
     inverse = np.linalg.pinv(found.jac[:, free].T @ found.jac[:, free])
     errors[free] = np.sqrt(np.diag(inverse) * 2 * found.cost / left)
-    return ModuliFit(
+    return ModelFit(
         parameters=dict(zip(names, found.x.tolist(), strict=True)),
         standard_errors=dict(zip(names, errors.tolist(), strict=True)),
         model=made(found.x),
-        residuals=found.fun.reshape(2, -1),
+        residuals=found.fun.reshape(data.shape if len(data) > 1 else -1),
         success=bool(found.success),
         message=found.message,
     )
