@@ -421,6 +421,8 @@ class HybridEvents(Events):
         for t, sign in self._zeros(self._functions[number], times, values, at):
             if self._acting[number]:
                 t = nearest(t, self._known, self._origin)
+                if not self._counted and edges[0] > self._start:
+                    t = nearest(t, edges[:1], self._origin)  # no step reaches a time so close
             if self._comes_back(number, t, sign, edges):
                 self.stuck = number
                 self._returns.append((self._start, number, sign))

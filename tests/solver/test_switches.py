@@ -270,3 +270,57 @@ def test_errors_at_a_switch_are_no_sliding(rtol):
 
 def first_minus_1(t, y):
     return y[0] - 1.0
+
+
+REST = 0.5
+
+
+def resting(t, y):
+    """A neuron without current while its clock is above 0."""
+    return np.array([(0.0 if y[1] > 0.0 else 1.5) - y[0], -1.0])
+
+
+def clock(t, y):
+    return y[1]
+
+
+def spike(rest):
+    def fire(t, y):
+        return y[0] - 1.0
+
+    fire.direction = 1
+    fire.change = lambda t, y: np.array([0.0, rest])
+    return fire
+
+
+@pytest.mark.parametrize("t_end", [6.0, 10.0, 20.0])
+@pytest.mark.parametrize("rest", [0.3, REST, float(np.log(3))])
+def test_a_refractory_period_ends_at_the_end_of_a_step_or_elsewhere(rest, t_end):
+    """Without memory v rests at 0, and a first step after the spike may be 0.5 long."""
+    neuron = hd.Equation(hd.Caputo([1.0, 1.0]), resting, [0.0, 0.0])
+    sol = hd.solve(neuron, t_end, rtol=1e-9, events=spike(rest), switches=clock)
+    assert sol.success
+    period = np.log(3) + rest
+    expected = np.log(3) + period * np.arange(1 + int((t_end - np.log(3)) / period))
+    assert sol.t_events[0] == pytest.approx(expected, abs=1e-8)
+
+
+def test_a_refractory_period_with_memory_equals_one_at_known_times():
+    neuron = hd.Equation(hd.Caputo([0.8, 1.0]), resting, [0.0, 0.0])
+    sol = hd.solve(neuron, 10.0, rtol=1e-9, events=spike(REST), switches=clock)
+    (spikes,) = sol.t_events
+
+    def driven(t, v, p):
+        current = 1.5
+        for k in range(p.size):
+            if p[k] <= t < p[k] + 0.5:
+                current = 0.0
+        return current - v
+
+    known = hd.Equation(hd.Caputo(0.8), driven, 0.0, params=spikes)
+    breaks = np.sort(np.append(spikes, spikes + REST))
+    changes = {time: lambda t, v: 0.0 * v for time in spikes.tolist()}
+    same = hd.solve(known, 10.0, rtol=1e-9, changes=changes, breaks=breaks)
+    times = np.linspace(0.05, 9.95, 50)
+    assert spikes.size == 4
+    assert sol(times)[:, 0] == pytest.approx(same(times)[:, 0], abs=1e-8)
