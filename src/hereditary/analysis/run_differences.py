@@ -165,6 +165,8 @@ class RunDifferences:
             if effect <= _STEEP * self.change:
                 break
             by *= self.change / effect if np.isfinite(effect) else _SHRUNK
+        else:
+            above = self._moved_rows(moved, by)
         below = self._moved_rows(moved, -by)
         bend, twice = above - 2 * self._rows + below, above - below
         ratio = np.nanmax(np.abs(bend), initial=0.0) / np.nanmax(np.abs(twice), initial=LEAST)
@@ -204,6 +206,8 @@ class RunDifferences:
         paired = self._equation.system.frame.paired
         d = self._equation._given_y0.shape[1]
         rows = np.full((self._times.size, d), np.nan, complex if paired else float)
+        if not self._times.size:
+            return rows
         with silence():
             try:
                 equation = _consistent(moved(by))

@@ -163,7 +163,7 @@ def sensitivities(
     how["breaks"] = breaks
     reason, bar = obstacle(equation, scheme), ProgressBar(progress)
     counts = {"params": equation.params.size, "orders": len(equation.terms)}
-    counts["y0"] = len(initial_data(equation))
+    counts["y0"] = len(initial_data(equation)) if reason else 0
     by_runs = sum(counts[kind] for kind in kinds if reason or kind == "orders")
     runs = RunDifferences(equation, t_last, times, how, bar, by_runs)
     try:
