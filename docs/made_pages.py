@@ -45,7 +45,8 @@ TASKS = {
     " GrunwaldLetnikov IMEX graded Graded",
     "Histories": "SumOfExponentials FFT Direct",
     "Memory kernels": "PowerLaw TemperedPowerLaw GammaDensity LognormalDensity WeibullDensity"
-    " MittagLeffler StretchedExponential DistributedOrder Prony Kernel TabulatedKernel MemoryKernel fit_exponentials ExponentialSum",
+    " MittagLeffler StretchedExponential DistributedOrder Prony Kernel TabulatedKernel MemoryKernel"
+    " fit_exponentials ExponentialSum",
     "Memory of large systems": "memory_term MemoryTerm",
     "Many runs": "ensemble Ensemble sweep Table",
     "Fit data": "fit FitResult sensitivities Sensitivities",

@@ -144,7 +144,8 @@ class KernelOperator:
 
     def described(self, times: np.ndarray) -> object:
         """Return a description that can be compared: the kernel's text or several values, and m."""
-        if " at 0x" not in repr(self.kernel):  # an address differs in each process
+        # an address differs in each process
+        if not self.kernel.by_values and " at 0x" not in repr(self.kernel):
             return repr(self.kernel), self.derivative
         times = times[times > 0]
         values = self.kernel(times) if times.size else np.zeros(0)

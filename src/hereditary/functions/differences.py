@@ -112,9 +112,9 @@ def _deviation(
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray] | None:
     """Return which products are wrong, the given products and the differences, each (d, n).
 
-    Each product is judged by the step whose truncation and rounding errors have the least sum. Steps
-    grow until rounding no longer limits the comparison. Returns None if f or the Jacobian raises or
-    is not finite. There are n directions.
+    Each product is judged by the step whose truncation and rounding errors have the least sum.
+    Steps grow until rounding no longer limits the comparison. Returns None if f or the Jacobian
+    raises or is not finite. There are n directions.
 
     Parameters
     ----------
