@@ -184,6 +184,8 @@ TERMS = [
      ValueError, "have a Caputo operator of the highest order in each component"),
     (lambda: equation(np.array([[1.0, 1.0], [0.0, 0.0]]) * C(1.5), [[1.0, 1.0], [0.0, 0.0]]),
      ValueError, "be one Caputo operator of order up to 1"),
+    (lambda: equation(np.diag([1.0, 0.0]) * C(0.5) + np.array([[1.0, 1.0], [0.0, 0.0]]) * C(0.9),
+                      [1.0, 1.0]), ValueError, "give each element a component of its own"),
     # orders above 2
     (lambda: equation(C(2.5) + hd.RiemannLiouville(0.5), [1.0, 0, 0]),
      ValueError, "be Caputo operators of const"),

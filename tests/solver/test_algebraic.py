@@ -362,3 +362,37 @@ def test_sensitivities_at_the_start_satisfy_the_rows():
     assert found.by_params[0, 1] == pytest.approx([1.0, 0.0], abs=1e-8)
     assert found.by_y0[0, 1] == pytest.approx([2.0, 0.0], abs=1e-8)
     assert found.by_params[1] == pytest.approx(found.by_params[0], abs=1e-4)
+
+
+def fold(t, y, p):
+    return np.array([-1.0, y[1] ** 2 - y[0]])
+
+
+def constant_power(t, y, p):
+    """A supercapacitor with the resistance p[0] that delivers the power p[1]; y is E and I."""
+    return np.array([-y[1], (y[0] - p[0] * y[1]) * y[1] - p[1]])
+
+
+@pytest.mark.parametrize("order", [0.6, 1.0])
+def test_rows_that_become_singular_end_the_run_in_these_words(order):
+    """Two solutions of the row meet: at y[0] = 0 of the fold, at E = 2 R I of the capacitor."""
+    one = np.array([1.0, 0.0]) * hd.Caputo(order)
+    with pytest.warns(hd.SolveWarning, match="algebraic components becomes singular here"):
+        sol = hd.solve(hd.Equation(one, fold, [1.0, 1.0]), 5.0, rtol=1e-6)
+    assert sol.status == "step_too_small"
+    assert sol.t[-1] == pytest.approx(math.gamma(1 + order) ** (1 / order), rel=1e-6)
+    start = [1.0, 1.0 - np.sqrt(1.0 - 4 * 0.5 * 0.04)]
+    with pytest.warns(hd.SolveWarning, match="algebraic components becomes singular here"):
+        sol = hd.solve(
+            hd.Equation(one, constant_power, start, params=[0.5, 0.04]), 500.0, rtol=1e-6
+        )
+    assert sol.y[-1, 0] == pytest.approx(sol.y[-1, 1], rel=1e-5)  # 2 R = 1
+
+
+def test_other_failures_beside_algebraic_rows_keep_their_words():
+    def jumps(t, y):
+        return np.array([-np.sign(y[0] - 0.5), y[1] - y[0]])
+
+    one = np.array([1.0, 0.0]) * hd.Caputo(0.6)
+    with pytest.warns(hd.SolveWarning, match="slide or chatter"):
+        hd.solve(hd.Equation(one, jumps, [1.0, 1.0]), 5.0, rtol=1e-6)

@@ -165,6 +165,84 @@ def test_order_1_from_the_edge_is_scipys(name):
     np.testing.assert_allclose(found.y, expected.y, rtol=1e-7, atol=1e-7)
 
 
+# order, power of t of the solution, power of y in the outflow
+FILLING = [
+    (0.3, 2.0, 0.5), (0.3, 1.25, 0.8), (0.5, 2.0, 0.5), (0.5, 4.0, 0.5), (0.5, 3.0, 0.3),
+    (0.8, 2.0, 0.5), (0.8, 1.5, 0.9), (0.95, 4.0, 0.5), (1.0, 2.0, 0.5), (1.0, 4.0, 0.5),
+    (1.0, 3.5, 0.3), (1.2, 4.0, 0.5), (1.2, 3.0, 0.7), (1.5, 4.0, 0.5), (1.5, 2.5, 0.4),
+]  # fmt: skip
+
+
+def filling(t, y, p):
+    """Two tanks in series; their inflows are those of the contents t^m and 3 t^m."""
+    a, m, q, clipped = p[0], p[1], p[2], p[3]
+    out = np.empty(2)
+    z = np.maximum(y, 0.0) if clipped == 1.0 else y
+    first, second = 2.0 * z[0] ** q, 2.0 * (z[1] / 3.0) ** q
+    grows = math.gamma(m + 1) / math.gamma(m + 1 - a) * t ** (m - a)
+    out[0] = grows + 2.0 * t ** (m * q) - first
+    out[1] = 3.0 * grows + first - second
+    return out
+
+
+@pytest.mark.parametrize("rtol", [1e-4, 1e-7])
+@pytest.mark.parametrize("clipped", [0.0, 1.0])
+@pytest.mark.parametrize(("order", "power", "outflow"), FILLING)
+def test_empty_tanks_fill_by_inflows_that_begin_at_0(order, power, outflow, clipped, rtol):
+    start = [0.0, 0.0] if order <= 1 else [[0.0, 0.0], [0.0, 0.0]]
+    params = [order, power, outflow, clipped]
+    sol = hd.solve(hd.Equation(hd.Caputo(order), filling, start, params=params), 2.0, rtol=rtol)
+    assert sol.success, sol.message
+    t = np.concatenate([sol.t, np.geomspace(1e-9, 2.0, 50)])
+    exact = np.outer(t**power, [1.0, 3.0])
+    error = np.abs(np.array([sol(time) for time in t]) - exact)
+    assert np.all(error <= rtol * (exact + 0.01 * exact.max(axis=0)))
+
+
+def test_an_inflow_into_an_empty_tank_is_scipys_at_order_1():
+    def pulses(t, y):
+        return np.sin(t) ** 2 - np.sqrt(np.maximum(y, 0.0))
+
+    expected = solve_ivp(pulses, (0, 3), [0.0], rtol=1e-10, atol=1e-14)
+    sol = hd.solve(hd.Equation(hd.Caputo(1.0), pulses, 0.0), 3.0, rtol=1e-8)
+    assert sol.success, sol.message
+    np.testing.assert_allclose(sol.y[-1], expected.y[:, -1], rtol=1e-7)
+
+
+def ramp(t, y, p):
+    """An inflow from p[0] on, into a row of tanks without exchange."""
+    return max(t - p[0], 0.0) - np.sqrt(y)
+
+
+@pytest.mark.parametrize("order", [0.5, 1.0, 1.5])
+def test_an_empty_tank_waits_for_its_inflow(order):
+    start = [0.0] if order <= 1 else [[0.0], [0.0]]
+    now = hd.Equation(hd.Caputo(order), ramp, start, params=[0.0])
+    later = hd.solve(now.replace(params=[1.0]), 4.0, rtol=1e-6, breaks=[1.0])
+    now = hd.solve(now, 3.0, rtol=1e-6)
+    assert later.success, later.message
+    np.testing.assert_allclose(later.y[-1], now.y[-1], rtol=2e-6)
+
+
+def test_empty_tanks_beside_others_and_with_a_given_jacobian():
+    one = hd.Equation(hd.Caputo(0.8), ramp, 0.0, params=[0.0])
+    expected = hd.solve(one, 3.0, rtol=1e-6).y[-1, 0]
+    full = hd.Equation(
+        hd.Caputo(0.8), lambda t, y: np.array([t - np.sqrt(y[0]), y[0] - y[1]]), [0.0, 1.0]
+    )
+    given = hd.Equation(
+        hd.Caputo(0.8),
+        lambda t, y: t - np.sqrt(y),
+        0.0,
+        jac=lambda t, y: -0.5 / np.sqrt(max(y[0], 1e-12)),
+    )
+    many = hd.Equation(hd.Caputo(0.8), ramp, np.zeros(12), params=[0.0], bandwidth=(1, 1))
+    for equation in (full, given, many):
+        sol = hd.solve(equation, 3.0, rtol=1e-6)
+        assert sol.success, sol.message
+        assert sol.y[-1, 0] == pytest.approx(expected, rel=2e-6)
+
+
 @pytest.mark.parametrize("alpha", [0.1, 0.5, 1.25, 1.5])
 def test_a_benchmark_with_a_power_of_y_that_begins_at_0(alpha):
     """By Diethelm, Ford and Freed (2004): y = t^8 - 3 t^(4 + a/2) + 9/4 t^a."""

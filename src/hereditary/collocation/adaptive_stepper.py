@@ -18,11 +18,12 @@ from ..equation.system import refuse_late
 from ..functions.differences import wrong_jacobian
 from ..kernels.memory_kernel import warn_of_fit
 from ..stepping.state import check_identity, identity, state_of
-from ..stepping.status import NOT_FINITE, Ending, Status, failed
+from ..stepping.status import Ending, Status, failed
 from ..stepping.stepper import Health, JumpingStepper, ResumableStepper, TangentStepper
 from ..stepping.times import breaks_ahead
 from ..support.checks import refuse
-from .algebraic import settle_tangents, settled
+from .algebraic import became_singular, settle_tangents, settled
+from .endings import OUTSIDE, SINGULAR_ROWS, TOO_STEEP, UNSOLVED, ending, leaves_domain
 from .equations import integral_form
 from .error_estimate import SMALL, raise_small_once
 from .first_rule import convolutions, first_rule
@@ -30,8 +31,6 @@ from .jumps import jump
 from .march import (
     CRAWLING,
     FULL,
-    JUMPING,
-    NEWTON_FAILED,
     ORDERS_NEEDED,
     REACHED,
     TOO_CLOSE,
@@ -41,7 +40,7 @@ from .march import (
     set_units_once,
 )
 from .mode_tables import empty_weights, floor_to_grid, kept_tables
-from .operators import FORCE, POSITION, PRIMARY, empty_operators
+from .operators import FORCE, PRIMARY, empty_operators
 from .orbit import OrbitAndTangents, initial_unknowns
 from .pieces import FirstPiece, PolynomialPieces
 from .quadrature import radau_nodes, rule_of, shortened_legendre
@@ -49,6 +48,7 @@ from .reading import Plain, Reading, is_read
 from .singular_start import trials
 from .stage_solver import has_stages, stage_solver
 from .structures import (
+    AT_EDGE,
     AdaptiveWork,
     ExponentialBasis,
     Limits,
@@ -80,33 +80,7 @@ _STILL = 1e-2
 _REFUSED = 0.125
 # Number of steps to the end of the run. A block is slow if, at its speed, the run needs more.
 _MOST_STEPS = 1e7
-# Relative growth of the solution over the last step. A run that cannot go on has blown up if the
-# solution grew by more and exceeds all earlier values.
-_GROWING = 1e-3
-# A run has not blown up if its next step was reduced to this fraction of the last one: then f
-# jumps.
-_WALL = 1e-8
-# Distances from a failed step at which f is evaluated, in lengths of the last step. They are
-# positive along the last change of y, negative against it.
-_DISTANCES_AHEAD = (0.0, 1.0, 10.0, 100.0, 1000.0, -1.0, -10.0, -100.0, -1000.0)
-# f jumps if it changes over these distances by more than this fraction of its size, since steps are
-# short.
-_JUMP = 0.1
-# If no first step succeeds, f is evaluated at these fractions of the predicted motion.
-_SHARES = 10.0 ** np.arange(-1, -16, -2)
-_JUMPS = (
-    "the right-hand side jumps, or stops being finite, wherever the solution goes on (it may slide "
-    "or chatter there); name known times in breaks, functions that change their sign in switches"
-)
-_CRAWLS = (
-    "steps stay short wherever the solution goes on: it may slide or chatter where the right-hand "
-    "side jumps, or rounding hides what the tolerance asks for"
-)
 _CORNERS = "name times of jumps and corners of the right-hand side, as a table has, in breaks"
-_ROUNDS = (
-    "rounding hides what the tolerance asks for, or the solution is too steep; loosen rtol, and if "
-    "the right-hand side jumps here name the time in breaks, or the function in switches"
-)
 
 
 class StepLimits:
@@ -180,54 +154,6 @@ class StepLimits:
         slow = needed > (allowed if refused > _REFUSED * accepted else _MOST_STEPS)
         self._slow = [*self._slow, advance][-_STALLED_BLOCKS:] if slow and still.all() else []
         return len(self._slow) == _STALLED_BLOCKS and self._slow[-1] <= 2 * self._slow[0]
-
-
-_BLOWN_UP = Ending(Status.BLOWN_UP)
-_UNSOLVED = Ending(Status.NOT_SOLVED)
-_TOO_STEEP = Ending(Status.STEP_TOO_SMALL, _ROUNDS)
-_OUTSIDE = Ending(Status.STEP_TOO_SMALL, NOT_FINITE)
-
-
-def ending(status, system, t, h, refused, last, peak):
-    """Return the reason why a march with this status code cannot go on from time t.
-
-    `last` (3 or 4, d, s) are f, p and y at the nodes of the last step, of length h. The next step
-    was rejected down to the length `refused`. `peak` (2, d) are the largest |p| and |y| before the
-    last step.
-    """
-    if status == CRAWLING:
-        return Ending(Status.STEP_TOO_SMALL, _CRAWLS)
-    before, now = (np.abs(last[PRIMARY : POSITION + 1, :, i]) for i in (0, -1))
-    largest = np.maximum((1 + _GROWING) * before, peak)
-    growing = np.any(now.max(axis=1) > largest.max(axis=1)) and refused > _WALL * h
-    if status != JUMPING and growing:
-        return _BLOWN_UP
-    forces = _forces_ahead(system, t, h, last[POSITION])
-    if not np.all(np.isfinite(forces)):
-        return _OUTSIDE
-    jumps = np.abs(forces - forces[0]).max() > _JUMP * np.abs(forces).max()
-    if status == NEWTON_FAILED and not jumps:
-        return _UNSOLVED
-    return (
-        Ending(Status.STEP_TOO_SMALL, _JUMPS) if status in (JUMPING, NEWTON_FAILED) else _TOO_STEEP
-    )
-
-
-def _forces_ahead(system, t, h, y):
-    """Return f at predictions of y beyond the last step, (n, d); y (d, s) are its values there.
-
-    The predictions are extrapolated linearly from the first and the last node of the step, of
-    length h.
-    """
-    ahead = [(t + abs(a) * h, y[:, -1] + a * (y[:, -1] - y[:, 0])) for a in _DISTANCES_AHEAD]
-    return np.array([system.force(*point) for point in ahead])
-
-
-def leaves_domain(system, t, y, move):
-    """Return whether f is infinite or NaN at all test points between y and y + move, (d,) each."""
-    points = [y + share * move for share in _SHARES]
-    ahead = [system.force(t, point) for point in points if np.any(point != y)]
-    return bool(ahead) and not np.isfinite(ahead).all(axis=1).any()
 
 
 # Largest error of one step, as fraction of the tolerance of a run.
@@ -430,6 +356,8 @@ class AdaptiveStepper(ResumableStepper, TangentStepper, JumpingStepper):
         if status not in (REACHED, FULL, TOO_CLOSE):
             lengths, last = (self._control["last"], self._control["next"]), self._orbit.last[0]
             self._ending = ending(status, self._marched, self.t, *lengths, last, self._peak)
+            if became_singular(self.system, self.t, self._view.seen(self._orbit.x[0])):
+                self._ending = SINGULAR_ROWS
         if n == 0:
             return None
         *piece, errors = (array[:n] for array in steps)
@@ -476,21 +404,21 @@ class AdaptiveStepper(ResumableStepper, TangentStepper, JumpingStepper):
         taken = _, tables = kept_tables.take(basis, self._s, len(self._form.varying))
         how = self._stages, self._rule, basis, tables, orbit.march_arrays()
         try:
-            return self._march(steps, limits, *how)
+            return self._march(self._marched, steps, limits, *how)
         finally:
             kept_tables.give_back(taken)
 
-    def _march(self, steps, limits, stages, rule, basis, tables, arrays):
-        """March by any rule in compiled code, filling `steps`; return the status code."""
-        orbit, equations = self._orbit, self._orbit.equations(self._marched, self._least)
-        columns, shape, d = arrays.modes.shape[:2], arrays.last.shape, self._marched.d
+    def _march(self, marched, steps, limits, stages, rule, basis, tables, arrays):
+        """March a system by any rule in compiled code, filling `steps`; return the status code."""
+        orbit, equations = self._orbit, self._orbit.equations(marched, self._least)
+        columns, shape, d = arrays.modes.shape[:2], arrays.last.shape, marched.d
         columns = columns[0], columns[1] - equations.unweighted.size * d
         room = empty_room(columns, shape, stages.stages, rule.check_points.size)
         operators = empty_operators(*columns, equations.kinds, shape[3])
         weights = empty_weights(equations, arrays.modes, shape[1], shape[3])
         varying = self._orders.compiled(orbit.of_varying)
         _, status = march_adaptive(march_of(AdaptiveWork(
-            self._marched.compiled, equations, rule, basis, tables, varying, arrays,
+            marched.compiled, equations, rule, basis, tables, varying, arrays,
             self._state, steps, limits, stages.solver, stages.stages, operators, weights, room,
         )))  # fmt: skip
         return status
@@ -522,12 +450,13 @@ class AdaptiveStepper(ResumableStepper, TangentStepper, JumpingStepper):
         set_units_once(orbit.equations(system, self._least), self._sizes, orbit.x[0], of_run, units)
         limits = self.step_limits.longest[0], self._farthest / _LARGEST_RATIO
         how = t, left, *limits, self._state.counts, units
-        self._ending, at_rest = _TOO_STEEP, _FIRST_AT_REST * self.step_limits.longest[1]
+        self._ending, at_rest = TOO_STEEP, _FIRST_AT_REST * self.step_limits.longest[1]
         self._set_origin(t)
-        for h, variable in trials(self._marched, form, orbit, *how):
+        for trial in trials(self._marched, form, orbit, *how):
+            h, variable, sizes = trial.length, trial.variable, self._state.sizes.copy()
             # the last two steps are equal, so that no tiny step remains before the stop
             h = min(h, 0.5 * left) if h < left else h
-            steps, values = self._try_step(h, variable, t_stop)
+            steps, values = self._try_step(h, variable, t_stop, trial.at_edge)
             if values is not None and h > at_rest and _rests(values[0]):
                 continue
             if values is not None:
@@ -535,14 +464,16 @@ class AdaptiveStepper(ResumableStepper, TangentStepper, JumpingStepper):
                 self._ending = None
                 self._finish_singular_start(h, variable, values, t_stop)
                 return FirstPiece(variable, t, h, steps.p[0], *steps.at_starts[0])
+            if trial.at_edge:  # a longer step may have let y grow by decades
+                self._state.sizes[:] = sizes
             # when Newton's method fails, the next step is a quarter of the last
-            self._ending = _UNSOLVED if self._control["next"] == 0.25 * h else _TOO_STEEP
+            self._ending = UNSOLVED if self._control["next"] == 0.25 * h else TOO_STEEP
         speed = np.where(form.second == 1, orbit.p[0], self._marched.force(t, orbit.x[0]))
         if leaves_domain(self._marched, t, orbit.x[0], left * speed):
-            self._ending = _OUTSIDE
+            self._ending = OUTSIDE
         return None
 
-    def _try_step(self, h, variable, t_stop):
+    def _try_step(self, h, variable, t_stop, at_edge):
         """Try a first step of length h, with polynomials in the variable u of `variable`.
 
         The compiled march tries the step. The history at the nodes is given to it in place of
@@ -567,12 +498,14 @@ class AdaptiveStepper(ResumableStepper, TangentStepper, JumpingStepper):
         arrays = OrbitArrays(orbit.initial, orbit.x, orbit.p, history, 0.0 * history, values)
         self._begin_steps(h, h)
         steps = empty_steps(1, self._kept * d, n)
-        solver = stage_solver(self._marched.structure, form, n)
+        marched = self._marched.dense() if at_edge else self._marched
+        solver = stage_solver(marched.structure, form, n, at_edge)
+        solver.stages.control[AT_EDGE] = float(at_edge)
         how = solver, rule, basis, tables, arrays
         limits = self._limits(t_stop)
         share = min(1.0, max(_RESOLVED / variable.q, _UNRESOLVED, _ROUNDING / limits.rtol))
         limits = limits._replace(**self._allowed.times(share)._asdict())
-        status = self._march(steps, limits, *how)
+        status = self._march(marched, steps, limits, *how)
         return steps, values if status in (FULL, REACHED) else None
 
     def _finish_singular_start(self, h, variable, values, t_stop):
@@ -599,7 +532,7 @@ class AdaptiveStepper(ResumableStepper, TangentStepper, JumpingStepper):
             self._refine_modes(closest)
         # the right-hand side may jump here
         settled = jump(self._marched, self._form, self._orbit, self.t, self._state.counts)
-        self._ending = None if settled else _UNSOLVED
+        self._ending = None if settled else UNSOLVED
         self._state.largest[:] = np.where(self._form.second == 1, self._state.largest, 0.0)
         self._begin_steps(floor_to_grid(h), self._shortest)
         self._at_singular_start = False

@@ -21,6 +21,9 @@ _GOAL = 1e-13
 # Least singular value of a regular Jacobian whose rows are divided by their largest entries.
 # Difference quotients err by 1e-10.
 _RANK = 1e-9
+# Ratio of the least singular value of the rows' Jacobian to that at the start, below which the rows
+# become singular. Runs end at 1e-6 where two solutions of the rows meet.
+_SINGULAR = 1e-4
 # Distance from y(0) at which a singular Jacobian is evaluated again, as fraction of the largest
 # argument of f.
 _BESIDE = 0.01
@@ -164,6 +167,26 @@ def settled(system, t, x):
     """
     found = _solve(system, t, x, *_unknowns(system))
     return x if found is None else found
+
+
+def became_singular(system, t, x):
+    """Return whether the rows hardly determine their unknowns at x (d,), as they do at the start.
+
+    The columns of the Jacobian are multiplied by the largest components at both times, and its rows
+    divided by their largest entries.
+    """
+    rows, columns = _unknowns(system)
+    if rows.size == 0:
+        return False
+    sizes, least = np.maximum(np.abs(x), np.abs(system.at_start)), []
+    for time, place in ((system.beside(0.0, 1), system.at_start), (t, x)):
+        with np.errstate(all="ignore"):
+            matrix = sizes * _jacobian(system, time, place, rows)
+        if not np.isfinite(matrix).all():
+            return False
+        matrix /= np.abs(matrix).max(axis=1, keepdims=True) + LEAST
+        least.append(np.linalg.svd(matrix[:, columns], compute_uv=False)[-1])
+    return bool(least[1] < _SINGULAR * least[0])
 
 
 def settle_tangents(system, values):

@@ -13,10 +13,10 @@ import numpy as np
 
 from ..compiled.jacobian import LEAST
 from ..compiled.jit import F8, IVEC, VEC, entry, inner
-from ..compiled.linalg import clear
+from ..compiled.linalg import clear, put
 from .newton import forces, nodal_slopes, residuals, solve_newton
 from .operators import FORCE, POSITION, PRIMARY, SLOPE, subtract_from_forces
-from .structures import ALGEBRAIC
+from .structures import ALGEBRAIC, AT_EDGE
 
 # Smallest relative tolerance of tangents. Decayed tangents consist of rounding errors, which grow
 # when tangents are normalised.
@@ -163,6 +163,8 @@ def measure_force_defect(m, h):
             size = max(abs(x_start[c]), abs(p0[c]))  # p(0) as well, for a singular start
             allowed = _MISSED * allowed_error(c, size, sizes[c], 0, 1.0, m.limits)
             misses_start = misses_start or abs(point[c] - x_start[c]) > allowed
+        if i == 0 and m.stages.control[AT_EDGE] == 1.0:
+            put(x_start, point)
         update_force_defect(m, i, point)
     if misses_start:
         update_force_defect(m, 0, x_start)
@@ -470,7 +472,7 @@ def orbit_error(m, h, slot):
     measure_force_defect(m, h)
     counts.rhs += FIRST_LOOK
     missed = look_once_more(m, h)
-    if defect_matters(m):
+    if m.stages.control[AT_EDGE] == 0.0 and defect_matters(m):
         counts.rhs += room.times.shape[0]
         if not equations_hold(m):
             return np.inf, True

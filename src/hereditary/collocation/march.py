@@ -12,6 +12,7 @@ from ..compiled.jacobian import LEAST
 from ..compiled.jit import VEC, as_value, compiled_type, entry, inner, plug_in
 from ..compiled.linalg import clear_matrix, put, put_cube, put_matrix
 from ..compiled.reference import Reference
+from .edge import solve_at_edge
 from .error_estimate import (
     ROUNDING_OF_SUMS,
     allowed_error,
@@ -42,6 +43,7 @@ from .operators import (
 from .stages import set_scales
 from .structures import (
     ADAPTIVE_MARCH,
+    AT_EDGE,
     FILLING_SIG,
     HELD,
     LENGTH,
@@ -88,7 +90,7 @@ def attempt(march, t, h, slot):
     solved = False
     for _ in range(2 if begins else 1):  # a quantity of size 0 gets its size from a first solution
         set_newton_goal(m, h)
-        solved = solve_stages(m, h)
+        solved = solve_at_edge(m, h) if m.stages.control[AT_EDGE] == 1.0 else solve_stages(m, h)
         if not solved:
             break
         raise_sizes(values[0], room.sizes)

@@ -52,12 +52,15 @@ def has_stages(form):
     return form.second.size > FEW
 
 
-def stage_solver(structure, form, s):
-    """Return the `StageSolver` of steps with s nodes, for the equations `form`."""
-    few = not has_stages(form)
+def stage_solver(structure, form, s, at_edge=False):
+    """Return the `StageSolver` of steps with s nodes, for the equations `form`.
+
+    A step from an edge, `at_edge`, has a dense Jacobian at each node; `structure` is None then.
+    """
+    few = at_edge or not has_stages(form)
     eigenvectors = 0 if few or form.kinds.any() else lapack_address("dgeev")
     if eigenvectors == 0:
-        return _joint_solver(structure, form, s)
+        return _joint_solver(structure, form, s, few)
     d, kinds = form.second.size, (form.kinds, form.second)
     solver = partial(_solver, lapack_values=eigenvectors)
     if structure is None:
@@ -79,19 +82,19 @@ def stage_solver(structure, form, s):
     return solver(banded_stages, kinds, s, factors=factors, **how, **widths)
 
 
-def _joint_solver(structure, form, s):
+def _joint_solver(structure, form, s, few):
     """Return the `StageSolver` for few components, or for components with different terms.
 
-    It solves a single system of all d s unknowns.
+    If components are few, each node has a Jacobian. There is a single system of all d s unknowns.
     """
     d, kinds = form.second.size, (form.kinds, form.second)
     n, order = d * s, np.arange(d * s)
     if structure is None:
-        n_jacobians, hold = (1, _HOLD) if has_stages(form) else (s, 0)
+        n_jacobians, hold = (s, 0) if few else (1, _HOLD)
         how = {"order": order, "jacobians": np.zeros((n_jacobians, d, d)), "hold": hold}
         how |= {"lapack": address_of_factors(n)}
         room = {"joint": np.empty((n, n)), "dense": np.empty((1, 2, n))}
-        return _solver(joint_dense if has_stages(form) else no_stages, kinds, s, **how, **room)
+        return _solver(no_stages if few else joint_dense, kinds, s, **how, **room)
     joint, band = structure.by_blocks(s), structure.band
     how = {"jacobians": structure.entries[None].copy(), "joint": joint.entries.copy()}
     if band is None:

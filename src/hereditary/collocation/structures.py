@@ -408,7 +408,7 @@ class StepRoom(NamedTuple):
 # - SYSTEMS: number of decoupled systems.
 # - HELD: number of steps for which a longer step was postponed.
 # - REDUCED: 1 if the dense Jacobian is in Hessenberg form already.
-LENGTH, KEPT, SYSTEMS, HELD, REDUCED, N_CONTROL = range(6)
+LENGTH, KEPT, SYSTEMS, HELD, REDUCED, AT_EDGE, N_CONTROL = range(7)
 # Indices of the matrices G and M (collocation/stages.py) for one kind of components. The two G act
 # on components with p = y and on those with p = y'; REST is M.
 OF_VALUES, OF_SPEEDS, REST = range(3)

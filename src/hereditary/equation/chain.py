@@ -174,7 +174,8 @@ def _with_algebraic_rows(
     order = left[0].operator.order if len(left) == 1 and left[0].operator.constant else np.inf
     if order > 1 or left[0].operator.from_zero:
         required = "be one Caputo operator of order up to 1, where rows of its matrix are 0"
-        refuse("terms", required, " and ".join(f"{operator}" for operator, _ in left))
+        remedy = "give each element a component of its own, with coefficients of shape (d,)"
+        refuse("terms", required, " and ".join(f"{operator}" for operator, _ in left), remedy)
     if np.linalg.matrix_rank(matrix, 1 / _SINGULAR * np.abs(matrix).max()) < len(rows):
         required = "have independent rows besides those of zeros in front of the derivatives"
         refuse("terms", required, shown(left[0].coefficients), "combine dependent rows to zeros")

@@ -1,0 +1,212 @@
+"""First steps from an edge: f is finite along the solution, its slope by y is infinite at y(0).
+
+An example is an empty tank whose inflow begins at 0: ``D^a y = t - sqrt(y)``. No first step is so
+short that its equations are nearly linear. So the equations are solved by a damped Newton's method
+with a Jacobian at each node, from a point next to y(0). The distance of y from y(0) changes its
+sign nowhere, and has a small relative error at each node.
+
+Letters of shapes as in newton.py: d components, s nodes.
+"""
+
+import numpy as np
+
+from ..compiled.jacobian import LEAST, magnitudes
+from ..compiled.jit import inner
+from ..compiled.linalg import solve_in_place
+from .newton import factorise_newton, forces, positions, residuals, solve_newton
+from .operators import FORCE, POSITION, PRIMARY
+from .structures import LENGTH
+
+# Largest number of Newton iterations. The distance from the edge grows from 1e-200 by a power in
+# each of them: for a slope like y^-0.7, fifteen iterations are needed.
+_SWEEPS = 60
+# Least ratio of the distance from the edge to the one before an iteration.
+_LEAST_RATIO = 1e-3
+# Relative change of the distance from the edge at which the iterations end. They converge
+# quadratically, so its square remains.
+_GOAL = 1e-5
+# Increment of difference quotients, as fraction of the distance from the edge.
+_STEP = 1e-6
+# Least increment of difference quotients, as fraction of y.
+_LEAST_STEP = 1e-10
+# Rounding error of y, as fraction of y.
+_ROUNDING = 2e-16
+# Change of f, and of y, that the iterations may leave, as fraction of its largest value times rtol.
+_SHARE = 1e-2
+# Increments at which slopes are compared, as fractions of the units of components.
+_INCREMENTS = 1e-5, 1e-9
+# Ratio of the slopes at these increments from which a slope is infinite: it is 2.5 for y^0.9.
+_STEEPER = 2.0
+
+
+def begins_at_edge(system, t, y, units, jacobian):
+    """Return whether a slope of f is infinite at y (d,), where f is smaller than its changes.
+
+    `units` (d,) are the sizes of components, and `jacobian` (d, d) is that of f at (t, y), which
+    may be infinite.
+    """
+    force, (far, near) = np.abs(system.force(t, y)), _INCREMENTS
+    if np.all(force > far * np.abs(jacobian) @ units):
+        return False
+    f = system.force(t, y)
+    for j in range(y.size):
+        rows = []
+        for increment in (far, near):
+            moved = np.zeros(y.size)
+            moved[j] = increment * units[j]
+            with np.errstate(all="ignore"):
+                sides = np.abs([system.force(t, y + sign * moved) - f for sign in (1, -1)])
+            rows.append(np.where(np.isfinite(sides), sides, 0.0).max(axis=0))
+        infinite = rows[1] > _STEEPER * near / far * rows[0]
+        if np.any(infinite & (force < rows[0])):
+            return True
+    return False
+
+
+@inner(allocates=True)
+def solve_at_edge(m, h):
+    """Solve a first step of length h for p and y at the nodes; return if the method converged.
+
+    It has the results of `solve_stages`, with f at the last y.
+    """
+    room, x_start, values = m.room, m.orbit.x[0], m.room.values[0]
+    f, p, x = values[FORCE], values[PRIMARY], values[POSITION]
+    d, s = p.shape
+    jacobians, done = m.stages.jacobians, False
+    for c in range(d):
+        for i in range(s):
+            p[c, i] = m.orbit.p[0, c]
+    positions(m, h, p, x_start, x)
+    for _ in range(_SWEEPS):
+        m.state.counts.rhs += s
+        if not forces(m, x, f):
+            reflect(f, x_start, x)
+            set_primary(m, h, x, p)
+            m.state.counts.rhs += s
+            if not forces(m, x, f):
+                return False
+        if done:
+            break
+        for i in range(s):
+            slopes_at_node(m, i, x, f, jacobians[i])
+        if not factorise_newton(m, h, p, jacobians):
+            return False
+        residuals(m, room.base[0], p, x, f)
+        solve_newton(m)
+        done = take_limited_change(m, h, p, x, f)
+        set_primary(m, h, x, p)
+    for c in range(d):
+        room.point[c] = x[c, s - 1]
+    magnitudes(jacobians[s - 1], room.point, room.force_scales)
+    magnitudes(jacobians[s - 1], room.starts, room.start_scales)
+    m.stages.control[LENGTH] = h
+    return done
+
+
+@inner
+def slopes_at_node(m, i, x, f, out):
+    """Set `out` (d, d) to the Jacobian of f at node i, by differences away from the edge.
+
+    x, f (d, s) are y and f at the nodes. If f is not finite on that side of y(0), the differences
+    go to the other side.
+    """
+    room, rhs, params, x_start = m.room, m.right.user.rhs, m.right.user.params, m.orbit.x[0]
+    point, force, t = room.point, room.force, room.times[i]
+    for c in range(point.shape[0]):
+        point[c] = x[c, i]
+    for e in range(point.shape[0]):
+        moved = x[e, i] - x_start[e]
+        width = max(_STEP * abs(moved), max(_LEAST_STEP * abs(x[e, i]), LEAST))
+        width = -width if moved < 0.0 else width
+        for _ in range(2):
+            point[e] = x[e, i] + width
+            rhs(t, point, force, params)
+            m.state.counts.rhs += 1
+            finite = True
+            for c in range(point.shape[0]):
+                out[c, e] = (force[c] - f[c, i]) / (point[e] - x[e, i])
+                finite = finite and abs(force[c]) < np.inf
+            if finite:
+                break
+            width = -width
+        point[e] = x[e, i]
+
+
+@inner
+def reflect(f, x_start, x):
+    """Move y to the side of y(0) where it is at the last node, where f (d, s) is not finite."""
+    d, s = f.shape
+    for i in range(s):
+        finite = True
+        for c in range(d):
+            finite = finite and abs(f[c, i]) < np.inf
+        for c in range(0 if finite else d):
+            moved = x[c, i] - x_start[c]
+            if moved * (x[c, s - 1] - x_start[c]) < 0.0:
+                x[c, i] = x_start[c] - moved
+
+
+@inner
+def take_limited_change(m, h, p, x, f):
+    """Subtract Newton's change, `m.room.change`, from y = x (d, s); return if it is small.
+
+    The distance of y from y(0) keeps its sign, and decreases to a thousandth at most. The arrays p
+    and f (d, s) have the values before the change.
+    """
+    second, integral = m.equations.second, m.rule.integrals[m.equations.orders.shape[0] - 1]
+    x_start, change, (d, s), small = m.orbit.x[0], m.room.change, p.shape, True
+    for c in range(d):
+        speed, largest = 0.0, 0.0
+        for i in range(s):
+            speed = max(speed, abs(p[c, i])) if second[c] == 1 else 0.0
+            largest = max(largest, abs(x[c, i] - x_start[c]))
+        for i in range(s):
+            moved = change[c * s + i]
+            if second[c] == 1:
+                moved = 0.0
+                for j in range(s):
+                    moved += h * integral[i, j] * change[c * s + j]
+            before = x[c, i] - x_start[c]
+            after = before - moved
+            if before != 0.0 and after / before < _LEAST_RATIO:
+                after = _LEAST_RATIO * before
+            x[c, i] = x_start[c] + after
+            moved = abs(before - after)
+            rounding = _ROUNDING * (abs(x_start[c]) + h * m.rule.nodes[i] * speed)
+            if moved > max(_GOAL * abs(after), rounding + LEAST):
+                small = small and moved <= _SHARE * m.limits.rtol * largest
+                small = small and is_small(m, c, i, moved, f)
+    return small
+
+
+@inner
+def is_small(m, c, i, moved, f):
+    """Return whether a change of component c at node i changes f by a part of its tolerance."""
+    slopes, small = m.stages.jacobians[i], True
+    for e in range(f.shape[0]):
+        largest = 0.0
+        for j in range(f.shape[1]):
+            largest = max(largest, abs(f[e, j]))
+        small = small and abs(slopes[e, c]) * moved <= _SHARE * m.limits.rtol * largest
+    return small
+
+
+@inner(allocates=True)
+def set_primary(m, h, x, p):
+    """Set p (d, s) at the nodes to y = x (d, s), or to y', whose integral is y - y(0)."""
+    second, integral = m.equations.second, m.rule.integrals[m.equations.orders.shape[0] - 1]
+    (d, s), x_start = p.shape, m.orbit.x[0]
+    matrix, slopes = np.empty((s, s)), np.empty(s)
+    for c in range(d):
+        if second[c] == 0:
+            for i in range(s):
+                p[c, i] = x[c, i]
+            continue
+        for i in range(s):
+            node = m.rule.nodes[i]
+            slopes[i] = (x[c, i] - x_start[c]) / (h * node)
+            for j in range(s):
+                matrix[i, j] = integral[i, j] / node
+        solve_in_place(matrix, slopes)
+        for i in range(s):
+            p[c, i] = slopes[i]

@@ -1,0 +1,86 @@
+"""Reasons why a march of collocation cannot go on."""
+
+import numpy as np
+
+from ..stepping.status import NOT_FINITE, Ending, Status
+from .march import CRAWLING, JUMPING, NEWTON_FAILED
+from .operators import POSITION, PRIMARY
+
+# Relative growth of the solution over the last step. A run that cannot go on has blown up if the
+# solution grew by more and exceeds all earlier values.
+_GROWING = 1e-3
+# A run has not blown up if its next step was reduced to this fraction of the last one: then f
+# jumps.
+_WALL = 1e-8
+# Distances from a failed step at which f is evaluated, in lengths of the last step. They are
+# positive along the last change of y, negative against it.
+_DISTANCES_AHEAD = (0.0, 1.0, 10.0, 100.0, 1000.0, -1.0, -10.0, -100.0, -1000.0)
+# f jumps if it changes over these distances by more than this fraction of its size, since steps are
+# short.
+_JUMP = 0.1
+# If no first step succeeds, f is evaluated at these fractions of the predicted motion.
+_SHARES = 10.0 ** np.arange(-1, -16, -2)
+_JUMPS = (
+    "the right-hand side jumps, or stops being finite, wherever the solution goes on (it may slide "
+    "or chatter there); name known times in breaks, functions that change their sign in switches"
+)
+_CRAWLS = (
+    "steps stay short wherever the solution goes on: it may slide or chatter where the right-hand "
+    "side jumps, or rounding hides what the tolerance asks for"
+)
+_ROUNDS = (
+    "rounding hides what the tolerance asks for, or the solution is too steep; loosen rtol, and if "
+    "the right-hand side jumps here name the time in breaks, or the function in switches"
+)
+
+_BLOWN_UP = Ending(Status.BLOWN_UP)
+UNSOLVED = Ending(Status.NOT_SOLVED)
+TOO_STEEP = Ending(Status.STEP_TOO_SMALL, _ROUNDS)
+OUTSIDE = Ending(Status.STEP_TOO_SMALL, NOT_FINITE)
+SINGULAR_ROWS = Ending(
+    Status.STEP_TOO_SMALL,
+    "the Jacobian of the algebraic rows with respect to the algebraic components becomes singular "
+    "here, so that no solution goes on",
+)
+
+
+def ending(status, system, t, h, refused, last, peak):
+    """Return the reason why a march with this status code cannot go on from time t.
+
+    `last` (3 or 4, d, s) are f, p and y at the nodes of the last step, of length h. The next step
+    was rejected down to the length `refused`. `peak` (2, d) are the largest |p| and |y| before the
+    last step.
+    """
+    if status == CRAWLING:
+        return Ending(Status.STEP_TOO_SMALL, _CRAWLS)
+    before, now = (np.abs(last[PRIMARY : POSITION + 1, :, i]) for i in (0, -1))
+    largest = np.maximum((1 + _GROWING) * before, peak)
+    growing = np.any(now.max(axis=1) > largest.max(axis=1)) and refused > _WALL * h
+    if status != JUMPING and growing:
+        return _BLOWN_UP
+    forces = _forces_ahead(system, t, h, last[POSITION])
+    if not np.all(np.isfinite(forces)):
+        return OUTSIDE
+    jumps = np.abs(forces - forces[0]).max() > _JUMP * np.abs(forces).max()
+    if status == NEWTON_FAILED and not jumps:
+        return UNSOLVED
+    return (
+        Ending(Status.STEP_TOO_SMALL, _JUMPS) if status in (JUMPING, NEWTON_FAILED) else TOO_STEEP
+    )
+
+
+def _forces_ahead(system, t, h, y):
+    """Return f at predictions of y beyond the last step, (n, d); y (d, s) are its values there.
+
+    The predictions are extrapolated linearly from the first and the last node of the step, of
+    length h.
+    """
+    ahead = [(t + abs(a) * h, y[:, -1] + a * (y[:, -1] - y[:, 0])) for a in _DISTANCES_AHEAD]
+    return np.array([system.force(*point) for point in ahead])
+
+
+def leaves_domain(system, t, y, move):
+    """Return whether f is infinite or NaN at all test points between y and y + move, (d,) each."""
+    points = [y + share * move for share in _SHARES]
+    ahead = [system.force(t, point) for point in points if np.any(point != y)]
+    return bool(ahead) and not np.isfinite(ahead).all(axis=1).any()
