@@ -40,16 +40,16 @@ _STEEPER = 2.0
 
 
 def begins_at_edge(system, t, y, units, jacobian):
-    """Return whether a slope of f is infinite at y (d,), where f is smaller than its changes.
+    """Return whether f is small at y, and its slope by a component that is 0 is infinite.
 
-    `units` (d,) are the sizes of components, and `jacobian` (d, d) is that of f at (t, y), which
-    may be infinite.
+    f is small if it is less than its changes over increments of y (d,). `units` (d,) are the sizes
+    of components, and `jacobian` (d, d) is that of f at (t, y), which may be infinite.
     """
     force, (far, near) = np.abs(system.force(t, y)), _INCREMENTS
     if np.all(force > far * np.abs(jacobian) @ units):
         return False
     f = system.force(t, y)
-    for j in range(y.size):
+    for j in np.flatnonzero(y == 0):
         rows = []
         for increment in (far, near):
             moved = np.zeros(y.size)
