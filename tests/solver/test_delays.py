@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from cases import GIVEN
 from problems import MACKEY_GLASS, delayed_growth, delayed_growth_at, mackey_glass
-from scipy.special import gamma
+from scipy.special import binom, gamma
 
 import hereditary as hd
 
@@ -310,9 +310,22 @@ REFUSED = [
     ),
     (lambda: simple(tau=1.0, past=lambda t: np.nan), "past must be finite at t = -1"),
     (lambda: simple(tau=1.0, past=lambda t: 1 / 0), "past must be defined at t = -1"),
+    (lambda: simple(tau=lambda t: 1 / 0), "tau must be defined at t = 0"),
+    (lambda: simple(tau=lambda t: -1.0), r"tau.t., least. with a least one above 0"),
+    (
+        lambda: hd.solve(simple(tau=lambda t: 0.2 * np.sin(t + 1) ** 2), 9.0),
+        r"tau must stay above 0, got tau.* take max.tau.t., least.",
+    ),
+    (
+        lambda: hd.solve(simple(tau=1.0, past=lambda t: 1.0 if t < -0.5 else np.nan), 3.0),
+        "past must be finite at t = -0.",
+    ),
     (lambda: simple(tau=1.0, past=1j), "real where y0 is"),
     (lambda: hd.solve(simple(tau=lambda t: -1.0), 3.0), "tau must stay above 0, got tau.0. = -1"),
-    (lambda: hd.solve(simple(tau=lambda t: 1 - 0.4 * t), 4.0), "tau must stay above 0, got tau.4."),
+    (
+        lambda: hd.solve(simple(tau=lambda t: 1 - 0.4 * t), 4.0),
+        "tau must stay above 0, got tau.2.5",
+    ),
     (lambda: hd.solve(simple(tau=lambda t: 1 + 2 * t), 3.0), "tau must grow slower than t"),
     (lambda: hd.solve(simple(tau=0.1), 5.0, 40), "tau must be at least a step h on given steps"),
     (lambda: hd.lyapunov(REACTS, 2.0, **TIGHT), 'mode must be "pair" with delays'),
@@ -329,6 +342,30 @@ REFUSED = [
 def test_refusals(call, words):
     with pytest.raises(ValueError, match=words):
         call()
+
+
+@pytest.mark.parametrize(
+    ("call", "words"),
+    [
+        (lambda: hd.Delay(lambda t, y: y[0]), "tau must be a function of t alone, got tau.t, y."),
+        (lambda: hd.Delay(1.0, lambda t, y: y), "past must be a function of t alone"),
+        (lambda: simple(tau=lambda t: None), "tau must return one number, got None at t = 0"),
+        (lambda: simple(tau=lambda t: [1.0, 2.0]), "tau must return one number"),
+        (lambda: simple(tau=lambda t: "1"), "tau must return one number"),
+    ],
+    ids=["of y", "past of y", "None", "a list", "text"],
+)
+def test_functions_of_a_wrong_kind_are_refused(call, words):
+    with pytest.raises(TypeError, match=words):
+        call()
+
+
+@pytest.mark.parametrize("wrong", [None, "1", [1.0, 2.0]], ids=str)
+def test_pasts_of_a_wrong_kind_are_refused_also_later(wrong):
+    """The value at t = -1, where a past is looked at first, is right."""
+    late = simple(tau=1.0, past=lambda t: 1.0 if t < -0.5 else wrong)
+    with pytest.raises(ValueError, match="past must be finite at t = -0"):
+        hd.solve(late, 3.0, **TIGHT)
 
 
 def test_a_delay_in_a_formula():
@@ -357,3 +394,270 @@ def test_delays_beside_kernels(how):
     late = hd.Equation(terms, lambda t, y, z: -y + 0.0 * z[0], 1.0, memory=hd.Delay(0.7))
     plain = hd.Equation(terms, lambda t, y: -y, 1.0)
     assert end(late, **how) == pytest.approx(end(plain, **how), abs=1e-9)
+
+
+def forced(t, y, z, p):
+    return p[0] * z[0] + p[1] * z[1] + (p[2] if t >= p[3] else 0.0)
+
+
+GAINS = (-1.0, -0.3)
+
+
+def sums(order, taus, t, shift):
+    """Sum over i and j of binomials, powers of the gains, and the power ``n order + shift`` of
+    ``t - i tau_1 - j tau_2``, over its gamma function; n = i + j."""
+    m, n = (np.arange(max(t[-1], 0.0) / tau + 1) for tau in taus)
+    m, n = m[:, None, None], n[:, None]
+    left, power = t - m * taus[0] - n * taus[1], (m + n) * order + shift
+    factor = binom(m + n, n) * GAINS[0] ** m * GAINS[1] ** n / gamma(power + 1)
+    terms = np.where(left > 1e-12, factor * np.maximum(left, 1e-12) ** power, 0.0)
+    return terms.sum(axis=(0, 1))
+
+
+def forced_at(order, taus, t, at, force, lift):
+    """y of D^order y = `forced` from a past of 1; at `at` a force sets in, and y is lifted."""
+    found = 1 + sum(GAINS) * sums(order, taus, t, order)
+    return found + force * sums(order, taus, t - at, order) + lift * sums(order, taus, t - at, 0.0)
+
+
+DECIMALS = [
+    (0.1, 0.3),
+    (0.2, 0.6),
+    (0.7, 2.1),
+    (0.1, 0.7),
+    (0.25, 0.75),
+    (0.3, 0.1),
+]
+START = [0.0, 1.7]
+
+
+@pytest.mark.parametrize("t_start", START)
+@pytest.mark.parametrize("order", [0.6, 1.0])
+@pytest.mark.parametrize("taus", DECIMALS, ids=str)
+def test_delays_breaks_and_changes_on_a_decimal_grid(taus, order, t_start):
+    """Times that differ by rounding are one time: sums of delays, breaks, changes and the end."""
+    unit, end = taus[0], round(9 * taus[0], 10)
+    times = np.linspace(0.1 * unit, end, 50)
+    memory = [hd.Delay(tau) for tau in taus]
+
+    def raised(t, y):
+        return y + 0.5
+
+    for k in (3, 6, 8):
+        at = round(k * unit, 10)
+        params = [*GAINS, 2.0, t_start + at]
+        equation = hd.Equation(
+            hd.Caputo(order), forced, 1.0, params, memory=memory, t_start=t_start
+        )
+        for lift in (0.0, 0.5):
+            how = {"changes": {t_start + at: raised}} if lift else {}
+            found = hd.solve(equation, t_start + end, rtol=1e-7, breaks=[t_start + at], **how)
+            assert found.success
+            assert found.stats["n_steps"] < 400
+            exact = forced_at(order, taus, times, at, 2.0, lift)
+            away = np.abs(times - at) > 1e-9
+            missed = np.abs(found(t_start + times)[:, 0] - exact)[away]
+            assert missed.max() < 1e-6 * np.abs(exact).max()
+
+
+def test_delays_and_breaks_that_are_drawn_from_a_decimal_grid():
+    rng = np.random.default_rng(0)
+    for _ in range(25):
+        unit = float(rng.choice([0.1, 0.2, 0.7, 0.05]))
+        taus = [round(float(unit * rng.integers(1, 8)), 10) for _ in range(2)]
+        at, end = (round(float(unit * rng.integers(1, n)), 10) for n in (10, 30))
+        order, times = float(rng.choice([0.5, 0.8, 1.0])), np.linspace(0.1 * unit, end, 30)
+        equation = hd.Equation(
+            hd.Caputo(order), forced, 1.0, [*GAINS, 2.0, at], memory=[hd.Delay(t) for t in taus]
+        )
+        found = hd.solve(equation, end, rtol=1e-6, breaks=[at])
+        exact = forced_at(order, taus, times, at, 2.0, 0.0)
+        assert found.success, (taus, at, end, order)
+        assert np.abs(found(times)[:, 0] - exact).max() < 1e-5 * np.abs(exact).max()
+
+
+def read(t, y, z):
+    return z[0]
+
+
+DATA = 1 + 0.3 * np.random.default_rng(0).normal(size=51)
+AT_DATA = np.linspace(-1, 0, DATA.size)
+INTEGRAL = np.append(0, np.cumsum((DATA[1:] + DATA[:-1]) / 2 * np.diff(AT_DATA)))
+
+
+def of_data(t):
+    """Return the integral of the data from -1 to t - 1."""
+    k = np.clip(np.searchsorted(AT_DATA, t - 1) - 1, 0, DATA.size - 2)
+    over = t - 1 - AT_DATA[k]
+    slope = (DATA[k + 1] - DATA[k]) / (AT_DATA[k + 1] - AT_DATA[k])
+    return INTEGRAL[k] + over * (DATA[k] + 0.5 * slope * over)
+
+
+PASTS = {
+    "a jump": (lambda t: 1.0 if t > -0.37 else 0.0, lambda t: np.maximum(t - 0.63, 0)),
+    "a jump at a half": (lambda t: 1.0 if t >= -0.5 else 0.0, lambda t: np.maximum(t - 0.5, 0)),
+    "a pulse": (lambda t: 1.0 if -0.5 < t < -0.4 else 0.0, lambda t: np.clip(t - 0.5, 0, 0.1)),
+    "a pulse of two thousandths": (
+        lambda t: 1.0 if -0.5 < t < -0.498 else 0.0,
+        lambda t: np.clip(t - 0.5, 0, 0.002),
+    ),
+    "fast": (
+        lambda t: np.cos(100 * t),
+        lambda t: (np.sin(100 * (t - 1)) + np.sin(100)) / 100,
+    ),
+    "a corner": (
+        lambda t: abs(t + 0.3),
+        lambda t: (0.49 + (t - 0.7) * np.abs(t - 0.7)) / 2,
+    ),
+    "data": (lambda t: np.interp(t, AT_DATA, DATA), of_data),
+    "a root": (lambda t: np.sqrt(t + 1), lambda t: t**1.5 / 1.5),
+}
+
+
+@pytest.mark.parametrize("name", PASTS)
+def test_pasts_are_met_to_the_tolerance(name):
+    past, exact = PASTS[name]
+    equation = hd.Equation(hd.Caputo(1), read, 0.0, memory=hd.Delay(1.0, past))
+    times = np.linspace(0.01, 1.0, 300)
+    size = np.abs(exact(times)).max()
+    for rtol in (1e-4, 1e-8):
+        found = hd.solve(equation, 1.0, rtol=rtol)
+        assert found.success
+        assert np.abs(found(times)[:, 0] - exact(times)).max() < rtol * size
+    # the implicit Euler rule: half a step times the variation of the past
+    steps = hd.solve(equation, 1.0, 4000, scheme=hd.BDF(1), t_eval=times).y[:, 0]
+    variation = np.abs(np.diff([past(t) for t in np.linspace(-1, -1e-9, 5000)])).sum()
+    assert np.abs(steps - exact(times)).max() < 2 * (1 + variation) / 4000
+
+
+@pytest.mark.parametrize("order", [0.4, 0.8, 1.0])
+def test_a_jump_of_a_past_is_a_kink_after_each_delay(order):
+    equation = hd.Equation(
+        hd.Caputo(order), lambda t, y, z: -z[0], 0.0,
+        memory=hd.Delay(1.0, lambda t: 1.0 if t > -0.37 else 0.0),
+    )  # fmt: skip
+    times, exact = np.linspace(0.2, 6.0, 60), np.zeros(60)
+    for n in range(7):
+        power = (n + 1) * order
+        for first, sign in ((0.63, 1.0), (1.0, -1.0)):
+            left = np.maximum(times - first - n, 0.0)
+            exact += sign * (-1.0) ** (n + 1) * left**power / gamma(power + 1)
+    found = hd.solve(equation, 6.0, rtol=1e-8)
+    assert found(times)[:, 0] == pytest.approx(exact, abs=1e-7)
+
+
+def test_a_past_that_is_too_fast_for_its_table_warns():
+    """The warning says by how much the past is missed, and where."""
+    noise = hd.Equation(hd.Caputo(1), read, 0.0, memory=hd.Delay(1.0, lambda t: np.sin(1e9 * t)))
+    with pytest.warns(hd.SolveWarning, match=r"too fast: at t = -0\.\d+ it is missed by [1-3] of"):
+        hd.solve(noise, 0.01, 10)
+
+
+def clock(t, y, z):
+    return np.array([1.0, z[0, 0]])
+
+
+VARYING_DELAYS = {
+    "slow": (
+        lambda t: 0.3 + 0.15 * np.sin(5 * t),
+        lambda t: 0.3 * t + 0.03 * (1 - np.cos(5 * t)),
+    ),
+    "a corner": (
+        lambda t: 1 + 0.3 * abs(t - 2),
+        lambda t: t + 0.15 * (4 + (t - 2) * np.abs(t - 2)),
+    ),
+    "a jump downwards": (
+        lambda t: 1.0 if t < 1.3 else 0.4,
+        lambda t: np.where(t < 1.3, t, 1.3 + 0.4 * (t - 1.3)),
+    ),
+    "bounded below": (
+        lambda t: max(1 - 0.5 * t, 0.2),
+        lambda t: np.where(t < 1.6, t - 0.25 * t**2, 0.96 + 0.2 * (t - 1.6)),
+    ),
+}
+
+
+@pytest.mark.parametrize("name", VARYING_DELAYS)
+def test_delays_that_vary_are_met_to_the_tolerance(name):
+    """The clock t, read late and integrated, shows the integral of the delay."""
+    tau, integral = VARYING_DELAYS[name]
+    equation = hd.Equation(
+        hd.Caputo(1), clock, [0.0, 0.0], memory=hd.Delay(tau, lambda t: [t, 0.0])
+    )
+    found = hd.solve(equation, 4.0, rtol=1e-8)
+    assert found.success
+    assert found.y[:, 1] == pytest.approx(found.t**2 / 2 - integral(found.t), abs=1e-8)
+
+
+@pytest.mark.parametrize(
+    "tau",
+    [
+        lambda t: 0.3 + 0.25 * np.sin(5 * t),
+        lambda t: 0.3 + 0.29 * np.sin(12 * t),
+        lambda t: 0.4 if t < 1.3 else 1.0,
+        lambda t: 0.4 if t < 1.3 else 0.401,
+    ],
+    ids=["fast", "faster", "a jump upwards", "a small one"],
+)
+@pytest.mark.parametrize("how", [{"rtol": 1e-6}, {"n_steps": 400}], ids=str)
+def test_delays_that_grow_faster_than_t_somewhere_are_refused(tau, how):
+    with pytest.raises(ValueError, match="tau must grow slower than t"):
+        hd.solve(simple(tau=tau), 4.0, **how)
+
+
+def balance(t, y, z):
+    return np.array([y[1], 0.5 * z[0, 1] + np.cos(t) - y[1]])
+
+
+@pytest.mark.parametrize("first", [1.0, 0.7])
+def test_algebraic_rows_carry_jumps_on_as_long_as_the_run_lasts(first):
+    """p = p(t - 1) / 2 + cos t from p = `first`: a jump at each delay, and a neutral y' = p."""
+    rows = np.array([1.0, 0.0]) * hd.Caputo(1)
+    equation = hd.Equation(
+        rows, balance, [0.0, 0.5 * first + 1], memory=hd.Delay(1.0, [0.0, first])
+    )
+    found = hd.solve(equation, 20.0, rtol=1e-8)
+    assert found.success
+    times = np.linspace(0.05, 19.95, 200)
+    n = np.floor(times).astype(int)
+    exact = first * 0.5 ** (n + 1.0)
+    for k in range(20):
+        exact += np.where(k <= n, 0.5**k * np.cos(times - k), 0.0)
+    assert found(times)[:, 1] == pytest.approx(exact, abs=1e-7)
+
+
+def loop(t, x, late, p):
+    error = p[0] + (p[3] if t >= p[4] else 0.0) - late[0, 0]
+    force = min(max(p[1] * error + p[2] * x[2], -2.0), 2.0)
+    return np.array([x[1], force - 0.6 * x[1] - x[0], error])
+
+
+@pytest.mark.parametrize("order", [0.6, 0.9, 1.0])
+def test_loops_at_rest_resolve_no_rounding(order):
+    """A loop rests to the last bit, with as many steps as at 0, where nothing is rounded."""
+    counts = []
+    for rest in (0.0, 0.3, 0.7):
+        start = [rest, 0.0, 2 * rest]
+        equation = hd.Equation(
+            hd.Caputo(order), loop, start, [rest, 1.0, 0.5, 0.0, 1.0], memory=hd.Delay(0.2)
+        )
+        found = hd.solve(equation, 10.0, rtol=1e-9)
+        assert found.success
+        assert np.abs(found.y - start).max() < 1e-14
+        counts.append(found.stats["n_steps"])
+    assert max(counts) < 1.5 * min(counts)
+
+
+def test_loops_with_a_setpoint_that_jumps_and_saturation_complete():
+    for k, tau in ((3, 0.1), (8, 0.1), (15, 0.2), (9, 0.7), (14, 0.4)):
+        for gain in (0.5, 10.0):
+            at = round(k * tau, 10)
+            equation = hd.Equation(
+                hd.Caputo(0.8), loop, [0.3, 0.0, 0.6], [0.3, gain, 0.5, 0.5, at],
+                memory=hd.Delay(tau),
+            )  # fmt: skip
+            found = hd.solve(equation, 10.0, rtol=1e-6, breaks=[at])
+            assert found.success
+            assert found.stats["n_steps"] < 600
+            tight = hd.solve(equation, 10.0, rtol=1e-9, breaks=[at])
+            assert found.y[-1] == pytest.approx(tight.y[-1], abs=1e-4)

@@ -6,6 +6,7 @@ behind the parameters of the right-hand side. The march fills it in advance (sol
 
 from __future__ import annotations
 
+import inspect
 from collections.abc import Callable, Sequence
 from functools import lru_cache
 from typing import Any, NamedTuple
@@ -24,6 +25,8 @@ _NUMBERS = 20_000
 _FEWEST = 128
 # Most polynomials of a table, also of one component.
 _MOST = 2048
+# What to do about a delay that touches 0.
+TOUCHES = "for a delay that touches 0, take max(tau(t), least) with a least one above 0"
 # Numbers at the head of a table: of polynomials that it has, and that it has room for.
 _HEAD = 2
 
@@ -37,9 +40,10 @@ class Delay:
     Parameters
     ----------
     tau : float or callable
-        The delay, above 0 [time]; or tau(t), which stays above 0 and grows slower than t.
+        The delay, above 0 [time]; or tau(t), which stays above 0 and grows slower than t. It may
+        have corners, and jumps downwards.
     past : float, array_like of shape (d,) or callable, optional
-        y before `t_start`: a constant, or past(t). By default y0.
+        y before `t_start`: a constant, or past(t), which may have jumps and corners. By default y0.
 
     Examples
     --------
@@ -54,6 +58,8 @@ class Delay:
     """
 
     def __init__(self, tau: float | Callable, past: Any = None) -> None:
+        _of_time("tau", tau, "delays that depend on y are not covered")
+        _of_time("past", past, "close over what else it needs")
         self.tau = tau if callable(tau) else positive("tau", tau)
         self.past = past if callable(past) or past is None else np.array(past)
         if isinstance(self.past, np.ndarray) and self.past.dtype.kind not in "iufc":
@@ -64,10 +70,21 @@ class Delay:
         return f"Delay({self.tau!r}{past})"
 
 
+def _of_time(name: str, given: Any, remedy: str) -> None:
+    """Refuse a function of more than the time."""
+    try:
+        needed = [p for p in inspect.signature(given).parameters.values() if p.default is p.empty]
+    except (TypeError, ValueError):  # a number, or a function that does not tell
+        return
+    names = [p.name for p in needed if p.kind in (p.POSITIONAL_ONLY, p.POSITIONAL_OR_KEYWORD)]
+    if len(names) > 1:
+        refuse(name, "be a function of t alone", f"{name}({', '.join(names)})", remedy, TypeError)
+
+
 class Earlier(NamedTuple):
     """The solution before `origin`, the user's start, as a delay reads it.
 
-    - values: y as a function of the user's time, shape (d,), complex if y is complex.
+    - values: y at n times of the user, shape (n, d), complex if y is complex.
     - first: y at the time ``origin - tau``, (d,).
     """
 
@@ -93,13 +110,18 @@ class Delayed(NamedTuple):
 
     def ago(self, t: np.ndarray) -> np.ndarray:
         """Return the times t - tau(t), the shape of t."""
-        return t - _taus(self.past.delay, t, self.past.origin)
+        return t - self.taus(t)
+
+    def taus(self, t: np.ndarray) -> np.ndarray:
+        """Return tau at times t, the shape of t."""
+        return _taus(self.past.delay, t, self.past.origin)
 
     def before(self, t: np.ndarray) -> np.ndarray:
-        """Return y at times t (n,) before the start, as real numbers (n, d)."""
-        values, dtype = self.past.values, self.past.first.dtype
-        rows = [np.asarray(values(self.past.origin + each), dtype) for each in t.tolist()]
-        return np.array(rows, dtype).reshape(len(rows), -1).view(float) + self.lift
+        """Return y at times t (n,) before the start, as given, in real numbers (n, d)."""
+        past = self.past
+        if not callable(past.delay.past):
+            return np.broadcast_to(past.first.view(float), (t.size, past.first.view(float).size))
+        return past.values(past.origin + t).astype(past.first.dtype).view(float)
 
     def lifted(self, lift: np.ndarray, params: np.ndarray) -> Delayed:
         """Return the delay with its past displaced by `lift` (d,); displace its first table too."""
@@ -130,12 +152,31 @@ def _taus(delay: Delay, t: np.ndarray, origin: float) -> np.ndarray:
     tau = delay.tau
     if not callable(tau):
         return np.full(np.shape(t), tau)
-    found = np.array([float(tau(origin + each)) for each in np.ravel(t).tolist()])
-    if not np.all(found > 0):
-        wrong = int(np.argmin(found > 0))
-        got = f"tau({origin + np.ravel(t)[wrong]:g}) = {found[wrong]:g}"
-        refuse("tau", "stay above 0", got)
+    times = (origin + np.ravel(t)).tolist()
+    found = np.empty(len(times))
+    for i, row in enumerate(_called("tau", tau, times)):
+        if not isinstance(row, float):
+            array = np.asarray(row)
+            if array.size != 1 or array.dtype.kind not in "biuf":
+                refuse("tau", "return one number", f"{row!r} at t = {times[i]:g}", kind=TypeError)
+            row = array.item()
+        found[i] = row
+    good = (found > 0) & (found < np.inf)
+    if not good.all():
+        wrong = int(np.argmin(good))
+        refuse("tau", "stay above 0", f"tau({times[wrong]:g}) = {found[wrong]:g}", TOUCHES)
     return found.reshape(np.shape(t))
+
+
+def _called(name: str, function: Callable, times: list[float]) -> list:
+    """Return the values of a user's function at these times."""
+    rows = []
+    for t in times:
+        try:
+            rows.append(function(t))
+        except Exception as error:
+            raise ValueError(complaint(name, f"be defined at t = {t:g}", repr(error))) from error
+    return rows
 
 
 def pasts_of(memory: Sequence[Any], y0: np.ndarray, origin: float) -> list[Earlier | None]:
@@ -146,21 +187,29 @@ def pasts_of(memory: Sequence[Any], y0: np.ndarray, origin: float) -> list[Earli
 def _past(delay: Delay, y0: np.ndarray, origin: float) -> Earlier:
     """Return the solution before `origin` as `delay` has it; by default it is y0 (d,)."""
     d, given = y0.size, y0 if delay.past is None else delay.past
+    kinds = "biufc" if y0.dtype.kind == "c" else "biuf"
+
+    def values(times: np.ndarray) -> np.ndarray:
+        rows = _called("past", given, times.tolist()) if callable(given) else [given] * times.size
+        found, wrong = np.empty((times.size, d), y0.dtype), -1
+        for i, row in enumerate(rows):
+            if isinstance(row, float):
+                found[i] = row
+                continue
+            array = np.asarray(row)
+            if array.dtype.kind not in kinds or array.size not in (1, d):
+                wrong = i
+                break
+            found[i] = array.ravel()
+        if wrong < 0 and not np.isfinite(found).all():
+            wrong = int(np.argmin(np.isfinite(found).all(axis=1)))
+        if wrong >= 0:
+            required = f"be finite at t = {times[wrong]:g}, one number or shape ({d},), real where"
+            refuse("past", f"{required} y0 is", shown(rows[wrong]))
+        return found
+
     at = origin - float(_taus(delay, np.zeros(1), origin)[0])
-    try:
-        first = np.asarray(given(at) if callable(given) else given)
-        fits = first.size in (1, d) and bool(np.isfinite(first).all())
-    except Exception as error:
-        raise ValueError(complaint("past", f"be defined at t = {at:g}", repr(error))) from error
-    if not fits or (first.dtype.kind == "c" and y0.dtype.kind != "c"):
-        required = f"be finite at t = {at:g}, one number or shape ({d},), real where y0 is"
-        refuse("past", required, shown(first))
-
-    def values(t: float) -> np.ndarray:
-        found = given(t) if callable(given) else given
-        return np.broadcast_to(np.ravel(found), (d,))
-
-    return Earlier(delay, values, origin, np.array(np.broadcast_to(first.ravel(), (d,)), y0.dtype))
+    return Earlier(delay, values, origin, values(np.array([at]))[0])
 
 
 def reading(

@@ -6,37 +6,57 @@ values are written into the tables that the right-hand side reads (equation/dela
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import heapq
+from collections.abc import Iterable
 from dataclasses import replace
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.polynomial.chebyshev import chebvander
 
-from ..equation.delay import N_COEFFICIENTS, NODES, TO_COEFFICIENTS, Delayed
+from ..equation.delay import N_COEFFICIENTS, NODES, TOUCHES, Delayed
 from ..equation.system import System
 from ..stepping.dense import Piece, StepPieces
 from ..stepping.state import State, layout_of
-from ..stepping.status import Ending, failed
+from ..stepping.status import Ending, SolveWarning, failed
 from ..stepping.stepper import JumpingStepper, ResumableStepper
+from ..stepping.times import ONE_TIME, together
 from ..support.checks import refuse
+from ..support.warning import warn
 from .events import bracketed_root
+from .piecewise import LEAST_SIZE, Accuracy, Piecewise, piecewise, to_polynomials
 
 # Points in [-1, 1], the interval of a polynomial, at which it is compared with the solution.
 _LOOKS = np.array([-0.95, -0.4, 0.15, 0.8])
+_AT_LOOKS = chebvander(_LOOKS, N_COEFFICIENTS - 1)
 # Largest difference there, as a fraction of the largest value of the component.
 _ROUNDING = 1e-13
 # An interval is halved again if the last halving multiplied the difference by less than this. Next
 # to a start the solution is no polynomial, and halving does not help against rounding.
 _FALLS = 0.95
-# Least size of a component, so that one that is 0 everywhere can be divided by its size.
-_TINY = 1e-300
-# Exponent of t from which on a kink is no break: so many derivatives are continuous there.
-_SMOOTH = 8.0
+# Exponents of t from which on a kink is no break: for each decimal digit of rtol, and at least.
+# With half of them D^0.6 y = -y(t - 1) from 201 data errs by 1e-3 of rtol instead of 1e-5.
+_SMOOTH_BY_DIGIT = 0.75
+_SMOOTH = 3.0
 # Most kinks of a run: several delays have many sums.
-_MOST_KINKS = 1000
+_MOST_KINKS = 10_000
 # Times whose relative difference is below this count as equal.
 _ALIKE = 1e-12
+# Samples of a past; of a delay that varies over the run at least, for each delay, and at most.
+_SAMPLES = 1000
+_FOR_EACH = 20
+_MOST_SAMPLES = 50_000
+# Difference of a past from its table, as a fraction of rtol.
+_OF_RTOL = 1e-4
+# The same on given steps, and the least with a tolerance: a fraction of the size of a component.
+_ON_STEPS = 1e-10
+_LEAST = 1e-13
+# Least delay that varies, as a fraction of the run.
+_LEAST_DELAY = 1e-9
+# Steps of a search for the least delay.
+_HALVINGS = 80
+# Points, in units of 1 and of the components, at which algebraic rows are asked what they read.
+_ASKED = (0.0, 0.37, -0.61)
 
 
 class Solved(NamedTuple):
@@ -51,14 +71,14 @@ class Remembered(NamedTuple):
     """Data that a march with delays stores beside its inner stepper.
 
     - solved: dense output that a delay still reads.
-    - roots: times after which kinks follow, one delay later and so on.
+    - roots: pairs of the time of a kink of f and its exponent, from which later kinks follow.
     - until: time up to which the tables have delayed values.
     - tables: for each delay the times and polynomials of its table.
     - lifts: for each delay the displacement of y before the start, (d,).
     """
 
     solved: tuple[Solved, ...]
-    roots: tuple[float, ...]
+    roots: tuple[tuple[float, float], ...]
     until: float
     tables: tuple[tuple[np.ndarray, np.ndarray], ...]
     lifts: tuple[np.ndarray, ...]
@@ -74,26 +94,108 @@ class DelayedStepper(ResumableStepper, JumpingStepper):
     delays : tuple of Delayed
     t_end : float
         End of the run.
+    rtol : float, optional
+        Tolerance of the run; None on given steps.
     """
 
-    def __init__(self, inner: Any, delays: tuple[Delayed, ...], t_end: float) -> None:
+    def __init__(
+        self, inner: Any, delays: tuple[Delayed, ...], t_end: float, rtol: float | None = None
+    ) -> None:
         self._inner, self._delays, self._t_end = inner, delays, t_end
         self.system, self.counted = inner.system, inner.counted
-        self._breaks = np.zeros(0)
+        self._origin = self.system.frame.start
+        self._breaks = self._kinks = self._marks = np.zeros(0)
         self._solved: list[Solved] = []
-        self._roots: list[float] = [0.0]
         self._error: Exception | None = None
         self._until = inner.t  # time up to which the tables hold
+        self._gain = _gain(self.system, delays)
+        self._smooth = max(_SMOOTH, -_SMOOTH_BY_DIGIT * np.log10(rtol or 1.0))
+        tol = _ON_STEPS if rtol is None else max(_OF_RTOL * rtol, _LEAST)
+        self._bends = [self._corners_of(delay, tol) for delay in delays]
+        self._pasts = [self._past_of(delay, tol) for delay in delays]
+        self._roots = self._first_roots()
         self._reach()
 
-    def _at(self, delay: Delayed, times: np.ndarray) -> np.ndarray:
-        """Return y at earlier times (n,), shape (n, d); before the start from the delay's past."""
-        d = self.system.n_solved
-        found, before = np.empty((times.size, d)), times < 0
+    def _accuracy(self, tol: float, low: float, high: float) -> Accuracy:
+        """Return the accuracy with which a function of the user is met between two times."""
+        orders = self.system.highest_orders()[: self.system.n_solved]
+        largest = max(abs(self._origin + low), abs(self._origin + high), high - low)
+        return Accuracy(tol, min(float(orders.min()), 1.0), 64 * np.spacing(largest))
+
+    def _corners_of(self, delay: Delayed, tol: float) -> list[tuple[float, float]]:
+        """Return kinks of tau(t), and their exponents; refuse a tau that grows faster than t."""
+        start, end, origin = self._inner.t, self._t_end, self._origin
+        if not callable(delay.past.delay.tau):
+            return []
+        seen: list[tuple[np.ndarray, np.ndarray]] = []
+
+        def tau(t: np.ndarray) -> np.ndarray:
+            seen.append((t, delay.taus(t)))
+            return seen[-1][1][:, None]
+
+        first = float(delay.taus(np.array([start]))[0])
+        many = np.clip(_FOR_EACH * (end - start) / first, _SAMPLES, _MOST_SAMPLES)
+        found = piecewise(tau, start, end, int(many), self._accuracy(tol, start, end))
+        times, taus = (np.concatenate(part) for part in zip(*seen, strict=True))
+        times, order = np.unique(times, return_index=True)
+        taus = taus[order]
+        _check_least(delay, times, taus, end - start)
+        ago = times - taus
+        rounding = 8 * np.spacing(max(abs(end), abs(origin)) + taus.max())
+        if (np.diff(ago) < -rounding).any() or not ago[0] < ago[-1]:
+            k = int(np.argmin(np.diff(ago)))
+            got = " and then ".join(
+                f"t - tau(t) = {ago[i] + origin:.8g} at t = {times[i] + origin:.8g}"
+                for i in (k, k + 1)
+            )
+            refuse("tau", "grow slower than t", got)
+        return found.kinks
+
+    def _past_of(self, delay: Delayed, tol: float) -> Piecewise | None:
+        """Return the past that a delay still reads, as polynomials; None for a constant.
+
+        Warns if the past varies too fast for them.
+        """
+        first = float(delay.ago(np.array([self._inner.t]))[0])
+        if not callable(delay.past.delay.past) or first >= 0:
+            return None
+        found = piecewise(delay.before, first, 0.0, _SAMPLES, self._accuracy(tol, first, 0.0))
+        if found.missed:
+            warn(
+                f"the past of a delay varies too fast: at t = {found.where + self._origin:g} it is "
+                f"missed by {found.missed:.1g} of its size; give a smoother past",
+                SolveWarning,
+            )
+        return found
+
+    def _first_roots(self) -> list[tuple[float, float]]:
+        """Return kinks of f by the start, by pasts and by delays that vary, and their exponents."""
+        d, found = self.system.n_solved, self._bends_ahead()
+        for delay, past in () if self.counted else zip(self._delays, self._pasts, strict=True):
+            at = np.zeros(1)
+            end = past(at, at)[0] if past else delay.before(at - np.spacing(1.0))[0]
+            met = np.allclose(end, self.system.at_start[:d], rtol=1e-12, atol=0.0)
+            kinks = [*(past.kinks if past else []), (0.0, self._gain if met else 0.0)]
+            found += [(_when(delay, t, 0.0, self._t_end), exponent) for t, exponent in kinks]
+        return found
+
+    def _bends_ahead(self) -> list[tuple[float, float]]:
+        """Return jumps and corners of delays that vary, and their exponents."""
+        return [pair for bends in self._bends for pair in bends]
+
+    def _at(self, number: int, times: np.ndarray, inside: np.ndarray) -> np.ndarray:
+        """Return y at earlier times (n,), by the dense output at the times `inside`; shape (n, d).
+
+        Before the start it comes from the past of delay `number`.
+        """
+        d, delay, past = self.system.n_solved, self._delays[number], self._pasts[number]
+        found, before = np.empty((times.size, d)), inside < 0
         if before.any():
-            found[before] = delay.before(times[before])
+            at = times[before]
+            found[before] = past(at, inside[before]) if past else delay.before(at)
+            found[before] += delay.lift
         starts = np.array([each.start for each in self._solved])
-        where = np.maximum(np.searchsorted(starts, times, side="right") - 1, 0)
+        where = np.maximum(np.searchsorted(starts, inside, side="right") - 1, 0)
         for k in np.unique(where[~before]):
             chosen = ~before & (where == k)
             if not self._solved:
@@ -106,10 +208,12 @@ class DelayedStepper(ResumableStepper, JumpingStepper):
     def _prepare(self) -> None:
         """Fill the tables from the present time to the last one whose delayed values are known."""
         t = self._inner.t
-        until = min(_when(delay, t, t, self._t_end) for delay in self._delays)
+        until = self._mark(min(_when(delay, t, t, self._t_end) for delay in self._delays))
+        if not until > t:
+            refuse("tau", "exceed the rounding of t", f"{until - t:g} at t = {t + self._origin:g}")
         tables = []
-        for delay in self._delays:
-            times, values = self._table(delay, t, until)
+        for number, delay in enumerate(self._delays):
+            times, values = self._table(number, t, until)
             if len(values) > delay.capacity:
                 times, values = times[: delay.capacity + 1], values[: delay.capacity]
                 until = min(until, float(times[-1]))
@@ -122,7 +226,8 @@ class DelayedStepper(ResumableStepper, JumpingStepper):
     def _reach(self) -> Any:
         """Return the last position that the tables cover; fill them if the march has got there."""
         position = self._last_position()
-        if position <= self._inner.position:
+        here = self._inner.position
+        if position <= here or (not self.counted and together(position, here, self._origin)):
             self._forget()
             self._prepare()
             position = self._last_position()
@@ -134,61 +239,110 @@ class DelayedStepper(ResumableStepper, JumpingStepper):
     def _last_position(self) -> Any:
         """Return the last position whose time the tables cover."""
         t = min(self._until, self._t_end)
+        if not self.counted:
+            return self._mark(t)
         found = self._inner.stop_at(t)
-        return found.position - int(self.counted and found.t > t * (1 + _ALIKE))
+        return found.position - int(found.t > t * (1 + _ALIKE))
 
-    def _table(self, delay: Delayed, start: float, end: float) -> tuple[np.ndarray, np.ndarray]:
-        """Return a table of y(t - tau) from `start` to `end`.
+    def _mark(self, t: float) -> float:
+        """Return the break, the kink or the end of the run that is one time with t, or t itself."""
+        same = self._marks[together(self._marks, t, self._origin)]
+        return float(same[0]) if same.size else t
+
+    def _edges(self, number: int, start: float, end: float, known: np.ndarray) -> np.ndarray:
+        """Return times from `start` to `end` between which y(t - tau) is smooth.
+
+        `known` are the ends of polynomials of y.
+        """
+        delay, bends = self._delays[number], self._bends[number]
+        first, last = delay.ago(np.array([start, end])).tolist()
+        inside = known[(first < known) & (known < last)]
+        if not callable(delay.past.delay.tau):
+            times = inside + delay.past.delay.tau
+        else:
+            times = np.array([_when(delay, edge, start, end) for edge in inside.tolist()])
+        if self.counted:
+            return np.unique([start, *times, end])
+        times = np.append(times, [kink for kink, _ in bends])
+        apart = ONE_TIME * max(end, abs(self._origin))
+        times = times[(start + apart < times) & (times < end - apart)]
+        for mark in self._marks[(start < self._marks) & (self._marks < end)].tolist():
+            times[np.abs(times - mark) <= apart] = mark
+        return np.array([start, *np.unique(times), end])
+
+    def _table(self, number: int, start: float, end: float) -> tuple[np.ndarray, np.ndarray]:
+        """Return a table of y(t - tau) from `start` to `end`, for delay `number`.
 
         These are times (n + 1,), and Chebyshev coefficients (n, d, N_COEFFICIENTS) between them.
         """
-        known = [0.0, *(edge for each in self._solved for edge in each.piece.edges())]
-        first, last = delay.ago(np.array([start, end])).tolist()
-        if not first < last:
-            origin = delay.past.origin
-            got = f"t - tau(t) = {first + origin:g} and then {last + origin:g}"
-            refuse("tau", "grow slower than t", got)
-        inside = sorted({edge for edge in known if first < edge < last})
-        edges = np.unique([start, *(_when(delay, edge, start, end) for edge in inside), end])
-        low, high = edges[:-1], edges[1:]
+        delay, past = self._delays[number], self._pasts[number]
+        edges = {0.0, *(edge for each in self._solved for edge in each.piece.edges().tolist())}
+        known = np.array(sorted(edges.union(past.edges.tolist() if past else ())))
+        times = self._edges(number, start, end, known)
+        low, high, ends = times[:-1], times[1:], np.concatenate([[-np.inf], known, [np.inf]])
+        inside = delay.ago(0.5 * (low + high))  # a time in the polynomial that is read
         found: list[tuple[np.ndarray, np.ndarray]] = []
-        sizes = np.ones(1)
+        sizes, rest = np.ones(1), self._inner.y
         last = np.full(low.size, np.inf)  # the difference before an interval was halved
         while True:
             middle, half = 0.5 * (low + high)[:, None], 0.5 * (high - low)[:, None]
             points = np.concatenate([NODES, _LOOKS])
-            values = self._at(delay, delay.ago((middle + half * points).ravel()))
+            read = np.repeat(inside, points.size)
+            ago, which = delay.ago((middle + half * points).ravel()), np.searchsorted(ends, read)
+            ago = np.minimum(np.maximum(ago, ends[which - 1]), ends[which])
+            values = self._at(number, ago, read)
             values = values.reshape(low.size, points.size, -1)
-            at_nodes, seen = values[:, : NODES.size], values[:, NODES.size :]
-            polynomials = np.einsum("ij,njd->nid", TO_COEFFICIENTS, at_nodes)
-            missed = np.abs(chebvander(_LOOKS, N_COEFFICIENTS - 1) @ polynomials - seen)
+            polynomials = to_polynomials(values[:, : NODES.size], rest)
+            seen = np.moveaxis(values[:, NODES.size :], 1, 2)
+            missed = np.abs(polynomials @ _AT_LOOKS.T - seen).max(axis=2)
             if np.isinf(last[0]):
-                sizes = np.maximum(np.abs(values).max(axis=(0, 1)), _TINY)
-            missed = (missed.max(axis=1) / sizes).max(axis=1)
+                sizes = np.maximum(np.abs(values).max(axis=(0, 1)), LEAST_SIZE)
+            missed = (missed / sizes).max(axis=1)
             rough = (missed > _ROUNDING) & (missed < _FALLS * last)
             rough &= high - low > 64 * np.spacing(high)
-            found += zip(low[~rough], np.moveaxis(polynomials[~rough], 2, 1), strict=True)
+            found += zip(low[~rough], polynomials[~rough], strict=True)
             if not rough.any():
                 break
             low, high, middle = low[rough], high[rough], middle[rough, 0]
             low, high = np.concatenate([low, middle]), np.concatenate([middle, high])
-            last = np.tile(missed[rough], 2)
+            inside, last = np.tile(inside[rough], 2), np.tile(missed[rough], 2)
         found.sort(key=lambda pair: pair[0])
         return np.array([*(pair[0] for pair in found), end]), np.array([p for _, p in found])
 
     def set_breaks(self, times: np.ndarray, t_end: float) -> None:
         """Let steps see jumps at these times, and the kinks that follow them by delays."""
         self._breaks, self._t_end = times, t_end
-        self._set_kinks()
+        self._roots += [(t, 0.0) for t in times.tolist()]
+        self._kinks = self._later([*self._roots, *self._bends_ahead()])
+        self._set_marks(np.append(times, t_end))
 
-    def _set_kinks(self) -> None:
-        """Let steps chosen by a tolerance end at kinks; given steps see the user's breaks alone."""
+    def _later(self, roots: Iterable[tuple[float, float]]) -> np.ndarray:
+        """Return the times of kinks: of those that are given, and of those that follow by delays.
+
+        Given steps see no kinks.
+        """
+        if self.counted:
+            return np.zeros(0)
+        gain, smooth, t_end = self._gain, self._smooth, self._t_end
+        return np.array(_kinks(self._delays, roots, gain, smooth, t_end, self._origin))
+
+    def _set_marks(self, first: np.ndarray) -> None:
+        """Let steps end at breaks and kinks; equal ones are one time, that of `first` if possible.
+
+        Given steps see the user's breaks alone.
+        """
         if self.counted:
             self._inner.set_breaks(self._breaks, self._t_end)
             return
-        roots = [*self._roots, *self._breaks.tolist()]
-        kinks = np.array(_kinks(self._delays, self.system, roots, self._t_end))
-        self._inner.set_breaks(np.union1d(self._breaks, kinks), self._t_end)
+        times = np.concatenate([first, self._breaks, self._kinks])
+        rank = np.arange(times.size)  # of equal times the one of the lowest rank remains
+        order = np.lexsort((rank, times))
+        times, rank = times[order], rank[order]
+        group = np.cumsum(np.append(False, ~together(times[1:], times[:-1], self._origin)))
+        order = np.lexsort((rank, group))
+        _, leading = np.unique(group[order], return_index=True)
+        self._marks = times[order][leading]
+        self._inner.set_breaks(self._marks, self._t_end)
 
     def stop_at(self, t: float) -> Any:
         """Return the position of a march that stops at time t, or at the first step not before."""
@@ -197,6 +351,8 @@ class DelayedStepper(ResumableStepper, JumpingStepper):
     def advance(self, stop: float, keep: bool = True) -> Piece | None:
         """March towards position `stop`, at most to the last known delayed value."""
         start = self._inner.t
+        if not self.counted and self._mark(stop) != stop:
+            self._set_marks(np.array([stop, self._t_end]))
         try:
             last = self._reach()
         except Exception as error:  # of a past, or of a delay that varies
@@ -305,9 +461,69 @@ class DelayedStepper(ResumableStepper, JumpingStepper):
         self._jumped()
 
     def _jumped(self) -> None:
-        """Record that the solution has a kink at the present time."""
-        self._roots.append(self._inner.t)
-        self._set_kinks()
+        """Record that the solution has a jump at the present time."""
+        if self.counted:
+            return
+        t = self._inner.t
+        roots = [(_when(delay, t, t, self._t_end), 0.0) for delay in self._delays]
+        self._roots += roots
+        ahead = self._kinks[self._kinks > t]
+        self._kinks = np.concatenate([ahead, self._later(roots)])
+        self._set_marks(np.append(self._breaks, self._t_end))
+
+
+def _gain(system: System, delays: tuple[Delayed, ...]) -> float:
+    """Return by how much the exponent of a kink is larger one delay later.
+
+    It is the lowest order of a derivative. It is 0 if an algebraic row reads the delayed value of a
+    component without a derivative, which is as smooth as the kink.
+    """
+    d = system.n_solved
+    orders = system.highest_orders()[:d]
+    gain, rows = (
+        float(np.min(orders[orders > 0], initial=np.inf)),
+        np.flatnonzero(system.algebraic),
+    )
+    if not rows.size:
+        return gain
+    params = system.compiled_params.copy()
+    asked = replace(system, compiled_params=params)
+
+    def forces(share: float, moved: int, delay: Delayed) -> np.ndarray:
+        y = asked.at_start + share * (1.0 + np.abs(asked.at_start))
+        for each in delays:
+            constant = np.zeros((1, d, N_COEFFICIENTS))
+            constant[0, :, 0] = y[:d]
+            if each is delay:
+                constant[0, moved : moved + 1, 0] += 0.1 * (1.0 + np.abs(y[moved : moved + 1]))
+            each.fill(params, np.array([0.0, 1.0]), constant)
+        return asked.force(0.5, y)[rows]
+
+    try:
+        for share in _ASKED:
+            for delay in delays:
+                rest = forces(share, d, delay)
+                if any((forces(share, c, delay) != rest).any() for c in rows.tolist()):
+                    return 0.0
+    except Exception:  # the march meets it again
+        return 0.0
+    return gain
+
+
+def _check_least(delay: Delayed, times: np.ndarray, taus: np.ndarray, span: float) -> None:
+    """Refuse a delay that touches 0; (n,) times and values."""
+    k = int(np.argmin(taus))
+    before, after = max(k - 1, 0), min(k + 1, times.size - 1)
+    if taus[k] > max(taus[before], taus[after]) - taus[k]:
+        return
+    low, high = times[before], times[after]
+    for _ in range(_HALVINGS):
+        thirds = low + (high - low) * np.array([1 / 3, 2 / 3])
+        near = delay.taus(thirds)
+        low, high = (low, thirds[1]) if near[0] < near[1] else (thirds[0], high)
+        if not near.min() > _LEAST_DELAY * span:
+            t = thirds[np.argmin(near)] + delay.past.origin
+            refuse("tau", "stay above 0", f"tau({t:.10g}) = {near.min():.1g}", TOUCHES)
 
 
 def _when(delay: Delayed, t: float, low: float, high: float) -> float:
@@ -320,27 +536,39 @@ def _when(delay: Delayed, t: float, low: float, high: float) -> float:
         return t + delay.past.delay.tau
     if ahead(high) <= 0:
         return high
+    if ahead(low) >= 0:
+        return low
     return bracketed_root(ahead, low, high)
 
 
 def _kinks(
-    delays: Sequence[Delayed], system: System, roots: Sequence[float], t_end: float
+    delays: tuple[Delayed, ...],
+    roots: Iterable[tuple[float, float]],
+    gain: float,
+    smooth: float,
+    t_end: float,
+    origin: float,
 ) -> list[float]:
-    """Return the times of kinks: those that read a root, or an earlier kink, by a delay.
+    """Return the times of kinks of f before `t_end`: of the roots, and of those that read a kink.
 
-    The first power of t at a kink has the exponent of the kink before plus the order.
+    Roots are pairs of a time and of the exponent of the first power of t there, 0 for a jump. One
+    delay later the exponent is larger by `gain`. From the exponent `smooth` on they are no kinks.
     """
-    orders = system.highest_orders()[: system.n_solved]
-    order = float(np.min(orders[orders > 0], initial=_SMOOTH))
-    found: list[float] = []
-    present, exponent = list(roots), order
-    while present and exponent < _SMOOTH and len(found) < _MOST_KINKS:
-        later = {_when(delay, s, s, t_end) for s in present for delay in delays}
-        later = {s for s in later if s < t_end}
-        present = []
-        for s in sorted(later):
-            if not present or s - present[-1] > _ALIKE * s:
-                present.append(s)
-        found += present
-        exponent += order
-    return found
+    ahead = [(t, exponent) for t, exponent in roots if t < t_end]
+    heapq.heapify(ahead)
+    times: list[float] = []
+    lowest = np.inf  # exponent at the last of the times
+    while ahead and len(times) < _MOST_KINKS:
+        t, exponent = heapq.heappop(ahead)
+        if times and together(t, times[-1], origin):
+            if exponent >= lowest:
+                continue
+        else:
+            times.append(t)
+        lowest = exponent
+        if exponent + gain < smooth:
+            for delay in delays:
+                later = _when(delay, t, t, t_end)
+                if later < t_end:
+                    heapq.heappush(ahead, (later, exponent + gain))
+    return times

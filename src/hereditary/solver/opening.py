@@ -99,7 +99,8 @@ def _open_delayed(
     system = replace(system, compiled_params=tables, delays=())
     own = state and replace(state, checkpoint=state.checkpoint[0])
     inner, last = open_stepper(system, scheme, history, how, t_end, own, allow_change)
-    stepper = DelayedStepper(inner, delays, t_end)
+    rtol = how.rtol if chooses_steps(scheme) else None
+    stepper = DelayedStepper(inner, delays, t_end, rtol)
     if state is not None:
         stepper.remember(state.checkpoint[1])
     return stepper, last

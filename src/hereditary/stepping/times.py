@@ -8,7 +8,7 @@ from numpy.typing import ArrayLike
 from ..support.checks import real_array, refuse, shown
 
 # Relative distance up to which two times count as one: a few hundred units of rounding.
-_ONE_TIME = 1e-13
+ONE_TIME = 1e-13
 
 
 def checked_breaks(breaks: ArrayLike, start: float) -> np.ndarray:
@@ -28,7 +28,7 @@ def together(times: Any, t: Any, origin: float = 0.0) -> np.ndarray:
     The user's times are these plus `origin`, whose rounding errors count too. No time equals an
     infinite t.
     """
-    near = np.abs(times - t) <= _ONE_TIME * np.maximum(np.abs(t), abs(origin))
+    near = np.abs(times - t) <= ONE_TIME * np.maximum(np.abs(t), abs(origin))
     return near & np.isfinite(t)
 
 
