@@ -8,7 +8,9 @@ Claims:
 
 * errors are below the tolerance, from 1e-4 to 1e-11, for orders from 0.7 to 1.5, and to 1e-8 for
   0.3;
-* a tolerance of 1e-4 has a tenth of the error of the predictor-corrector with 4,000 steps, or less.
+* a tolerance of 1e-4 has a tenth of the error of the predictor-corrector with 4,000 steps, or less;
+* pasts with a jump, with corners and of 201 noisy data are met to the tolerance;
+* a row without a derivative carries jumps on over 20 delays.
 """
 
 import warnings
@@ -109,7 +111,40 @@ def others():
     return [
         Claim("error of Mackey and Glass's equation, rtol 1e-9", error, at_most=2e-8, small=True),
         Claim("error of the equation of order 1, rtol 1e-11", apart, at_most=1e-11, small=True),
+        *pasts(),
+        jumps_carried_on(),
     ]
+
+
+def pasts():
+    """Claims of y' = y(t - 1) from pasts that are no polynomials, over the first delay."""
+    data, times = 1 + 0.3 * np.random.default_rng(0).normal(size=201), np.linspace(-1, 0, 201)
+    known = {
+        "a jump": (lambda t: 1.0 if t > -0.37 else 0.0, 0.37),
+        "corners": (lambda t: abs(np.sin(12 * t)), (7 - np.cos(12 - 3 * np.pi)) / 12),
+        "data": (lambda t: np.interp(t, times, data), np.trapezoid(data, times)),
+    }
+    for name, (past, integral) in known.items():
+        given = hd.Equation(hd.Caputo(1), lambda t, y, z: z[0], 0.0, memory=hd.Delay(1.0, past))
+        for rtol in (1e-4, 1e-8):
+            error = abs(hd.solve(given, 1.0, rtol=rtol).y[-1, 0] - integral) / integral
+            where = f"{name}, rtol {rtol:g}"
+            yield Claim(
+                "error of a past over tolerance", error / rtol, at_most=1.0, where=where, small=True
+            )
+
+
+def jumps_carried_on():
+    """Claim of p = p(t - 1) / 2 + cos t, which jumps at each delay."""
+    given = hd.Equation(
+        0 * hd.Caputo(1),
+        lambda t, p, z: 0.5 * z[0] + np.cos(t) - p,
+        1.35,
+        memory=hd.Delay(1.0, 0.7),
+    )
+    known = 0.7 * 0.5**20 + sum(0.5**k * np.cos(19.5 - k) for k in range(20))
+    error = abs(hd.solve(given, 19.5, rtol=1e-8).y[-1, 0] - known)
+    return Claim("error of a difference equation, rtol 1e-8", error, at_most=1e-8, small=True)
 
 
 def claims(rows):
