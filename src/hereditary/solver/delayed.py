@@ -282,7 +282,7 @@ class DelayedStepper(ResumableStepper, JumpingStepper):
         low, high, ends = times[:-1], times[1:], np.concatenate([[-np.inf], known, [np.inf]])
         inside = delay.ago(0.5 * (low + high))  # a time in the polynomial that is read
         found: list[tuple[np.ndarray, np.ndarray]] = []
-        sizes, rest = np.ones(1), self._inner.y
+        sizes, rest = np.ones(1), None if self.counted else self._inner.y
         last = np.full(low.size, np.inf)  # the difference before an interval was halved
         while True:
             middle, half = 0.5 * (low + high)[:, None], 0.5 * (high - low)[:, None]

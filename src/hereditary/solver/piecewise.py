@@ -144,7 +144,7 @@ def _fitted(
         middle, half = 0.5 * (low + high)[:, None], 0.5 * (high - low)[:, None]
         values = function((middle + half * _POINTS).ravel())
         values = values.reshape(low.size, _POINTS.size, -1)
-        polynomials = to_polynomials(values[:, : NODES.size])
+        polynomials = to_polynomials(values[:, : NODES.size], known[0])
         missed = np.abs(_AT_LOOKS @ np.moveaxis(polynomials, 1, 2) - values[:, NODES.size :])
         missed = (missed.max(axis=1) / sizes).max(axis=1)
         i = np.maximum(np.searchsorted(low, times, side="right") - 1, 0)
@@ -168,13 +168,16 @@ def _fitted(
     return _Fit(low[order], high[order], polynomials[order], missed[order], complete)
 
 
-def to_polynomials(values: np.ndarray, rest: np.ndarray | float = np.nan) -> np.ndarray:
+def to_polynomials(values: np.ndarray, rest: np.ndarray | None) -> np.ndarray:
     """Return coefficients (n, d, N_COEFFICIENTS) of polynomials by their values at the nodes.
 
     values (n, N_COEFFICIENTS, d). Values that differ by rounding only become a constant, which is
-    `rest` (d,) up to rounding. So nothing resolves the rounding errors of a solution at rest.
+    `rest` (d,) up to rounding. So nothing resolves the rounding errors of a solution at rest. They
+    remain if `rest` is None.
     """
-    coefficients = np.einsum("ij,njd->ndi", TO_COEFFICIENTS, values)
+    coefficients = np.moveaxis(np.einsum("ij,njd->nid", TO_COEFFICIENTS, values), 1, 2)
+    if rest is None:
+        return coefficients
     first = values[:, 0]
     rounding = _RESTS * np.abs(first)
     rests = np.ptp(values, axis=1) <= rounding
