@@ -265,9 +265,9 @@ class Case:
         if self.steps == "tolerance":
             return {"scheme": self.scheme, "rtol": RTOL}
         if self.steps == "uniform":
-            return how | {"n_steps": n} | ({"estimate": False} if estimated(self.scheme) else {})
+            return how | {"n_steps": n, "estimate": False}
         mesh = start + time * t_end * np.linspace(0, 1, n + 1) ** 2
-        return how | {"mesh": mesh}
+        return how | {"mesh": mesh, "estimate": False}
 
     def solve(self, t_end=T_END, n=N_STEPS, events=None, **units):
         """Solve the equation in these units, as `equation` takes them."""
@@ -277,7 +277,7 @@ class Case:
 
     def again(self):
         """Return keyword arguments with which a run goes on: the state knows the others."""
-        return {"estimate": False} if estimated(self.scheme) else {}
+        return {"estimate": False} if self.given else {}
 
     def moved(self, c, by):
         """Return the equation with y(0) of a component moved."""
@@ -290,11 +290,6 @@ class Case:
     def solution(self):
         """Return the run in units of 1."""
         return self.solve()
-
-
-def estimated(scheme):
-    """Return whether runs of given steps estimate their error, unless they are told not to."""
-    return isinstance(scheme, hd.ExplicitCaputo | hd.GrunwaldLetnikov)
 
 
 def _every():

@@ -24,8 +24,8 @@ from typing import Any, BinaryIO
 import numpy as np
 from numpy.typing import ArrayLike
 
+from ..solver.accuracy import no_estimates
 from ..solver.elsewhere import lacking
-from ..solver.first_order import no_estimates
 from ..solver.progress import Interruption, ProgressBar
 from ..support.checks import complaint, instance, refuse, refuse_masked, shown, truth
 from ..support.machine import cores

@@ -52,6 +52,8 @@ class Output:
         Time up to which the output reaches.
     ended : bool
         Whether an event has ended the run, or this part of it, at `end`.
+    jumps : list of float
+        Times at which y jumped.
     """
 
     def __init__(self, stepper: Stepper, stop: float, kept: Kept, events: Events) -> None:
@@ -67,6 +69,7 @@ class Output:
         speeds = bool(self._frame.speeds)
         self._sloped = self._counted or stepper.system.m == 2 or speeds
         self.end, self.ended = stepper.t, False
+        self.jumps: list[float] = []
         self._dense = Dense(self._second, self._frame)
         self._newest: Piece | None = None
         y, ydot, n, every = stepper.y, stepper.ydot, self._first, self._every
@@ -118,6 +121,8 @@ class Output:
         """Continue after an event at the stepper's time; `changed` is True if it changed y."""
         t, y = self._stepper.t, self._stepper.y
         self.ended = False
+        if changed:
+            self.jumps.append(t)
         if self._asked is not None:  # rows at the time of the event follow it
             at_once = int(np.searchsorted(self._wanted, t * (1 + _SLACK), side="right"))
             times, self._wanted = self._wanted[:at_once], self._wanted[at_once:]

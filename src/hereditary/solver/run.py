@@ -72,12 +72,13 @@ def run(
     progress: bool,
     began: float,
     march: Callable[[Drive, Any], Ending | None] = Drive.to,
+    late: Callable[[ResumableStepper], bool] | None = None,
 ) -> Solution:
     """March to position `stop`, the user's time `t_end`, and return the `Solution`.
 
     If the run ends earlier, the solution has the rows up to there. `began` is the
     time.perf_counter() at which the preparation of the run began. ``march(drive, stop)`` marches to
-    `stop` with a `Drive`.
+    `stop` with a `Drive`. The run also ends where ``late(stepper)`` is True after a part of it.
     """
     ready = time.perf_counter()
     events = output.events
@@ -89,7 +90,7 @@ def run(
         if piece is not None:
             output.take(piece, start)
         if not output.ended:
-            return None
+            return Ending(Status.INTERRUPTED) if late and late(stepper) else None
         go_back(stepper, before, output.end)
         if events.failure:
             return Ending(Status.EVENT_FAILED, events.failure)

@@ -6,7 +6,7 @@ import os
 from collections.abc import Callable
 from dataclasses import dataclass, field, fields
 from functools import cached_property, partial
-from typing import Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -19,6 +19,9 @@ from ..support.html import paragraph, small_figure, table_html
 from ..support.optional import optional
 from ..support.warning import warn
 from .saving import read_result, state_from, stored_state, take_arrays, write_result
+
+if TYPE_CHECKING:
+    from .accuracy import Accuracy, Origin
 
 _SAVED = "be a solution that Solution.save wrote"
 # Fields of a solution that `Solution.save` writes as arrays.
@@ -93,6 +96,8 @@ class Solution:
     dense: Dense | None = field(default=None, repr=False)
     t_events: list[np.ndarray] = field(default_factory=list, repr=False)
     y_events: list[np.ndarray] = field(default_factory=list, repr=False)
+    accuracy: Accuracy | None = field(default=None, repr=False)
+    origin: Origin | None = field(default=None, repr=False)
     # a right-hand side may read a solution: its contents never change, so its digest is kept
     fixed_contents: ClassVar[bool] = True
 
@@ -106,7 +111,7 @@ class Solution:
         return self.left() if callable(self.left) else self.left
 
     def __getstate__(self) -> dict[str, Any]:
-        return vars(self) | {"left": self.state}
+        return vars(self) | {"left": self.state, "origin": None}
 
     @property
     def success(self) -> bool:
@@ -148,6 +153,43 @@ class Solution:
             refuse("t", required, shown(t), remedy)
         derivative = one_of("derivative", derivative, (0, 1), "be 0 or 1")
         return self.dense(t, derivative, self.t[-1])
+
+    def check(self, rtol: float | None = None) -> Accuracy:
+        """Return the errors of this solution: its differences from an accurate run.
+
+        Parameters
+        ----------
+        rtol : float, optional
+            Tolerance of the accurate run, by `Collocation`. The default is 1e-6 for a run on given
+            steps, and a hundredth of the tolerance of a run by `rtol`. The accurate run of the
+            latter has another number of nodes as well.
+
+        Returns
+        -------
+        Accuracy
+
+        Raises
+        ------
+        ValueError
+            The run was resumed, is a map, or comes from a file. Or `Collocation` refuses its
+            equation.
+        RuntimeError
+            The accurate run ended early: its message.
+
+        Cost
+        ----
+        The accurate run. It calls all functions of the user again, also changes of y.
+
+        Examples
+        --------
+        >>> import hereditary as hd
+        >>> sol = hd.solve(hd.scenes.brusselator(), 20.0, 2000)
+        >>> sol.check()
+        """
+        if self.origin is None:
+            required, got = "be one that `solve` returned in this process", "one from a file"
+            refuse("solution", required, got, "solve the equation again")
+        return self.origin.check(self, rtol)
 
     def _repr_html_(self) -> str:
         wanted = "n_steps", "n_rhs", "n_modes", "error_estimate", "run_seconds"

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable, Mapping, Sequence
-from functools import partial
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -14,7 +13,6 @@ from ..collocation.method import Collocation
 from ..equation.equation import Equation, current_equation
 from ..given.history.history import History
 from ..given.schemes.explicit import ExplicitCaputo
-from ..given.schemes.grunwald_letnikov import GrunwaldLetnikov
 from ..given.steps import COUNTED, Graded
 from ..stepping.scheme import Scheme
 from ..stepping.state import State, check_sound
@@ -33,11 +31,11 @@ from ..support.checks import (
     truth,
     whole,
 )
-from .events import Events
-from .first_order import note_error
-from .opening import chooses_steps, how_to_step, open_stepper
-from .output import Kept, Output
-from .run import Drive, note_missed, run
+from .accuracy import Origin
+from .opening import chooses_steps
+from .output import Kept
+from .problem import Problem
+from .run import note_missed
 from .solution import Solution
 
 CHANGES = "map times to functions change(t, y), e.g. {12.0: dose}"
@@ -253,7 +251,6 @@ def solve(
         allow_change = allow_change if resume is None else True
     start = equation.t_start
     t_last = run_end("t_end", t_end, start)
-    t_end = t_last - start
     allow_change, estimate = truth("allow_change", allow_change), truth("estimate", estimate)
     scheme = chosen_scheme(scheme, rtol, n_steps, mesh, resume)
     begin = _begin(resume, scheme, allow_change, start, t_last)
@@ -262,35 +259,18 @@ def solve(
     if start != 0 and not isinstance(mesh, Graded | None):
         mesh = real_array("mesh", mesh) - start
     functions, jumping = listed(events), listed(switches)
-    began = time.perf_counter()
-    system, hybrid = equation.system, None
     changes = {} if changes is None else mapping("changes", changes, CHANGES)
-    if jumping or changes or any(getattr(f, "change", None) is not None for f in functions):
-        from ..hybrid import Hybrid  # a leaf that stands on this room
-
-        hybrid = Hybrid(system, scheme, functions, jumping, changes)
-        system = hybrid.system
-    how = how_to_step(
-        system, scheme, t_end, resume, history=history, n_steps=n_steps, mesh=mesh,
-        rtol=rtol, atol=atol, max_step=max_step, max_steps=max_steps,
+    problem = Problem(equation.system, t_last, breaks, functions, jumping, changes)
+    solved = problem.solved(
+        scheme, kept, history=history, resume=resume, allow_change=allow_change, progress=progress,
+        n_steps=n_steps, mesh=mesh, rtol=rtol, atol=atol, max_step=max_step, max_steps=max_steps,
     )  # fmt: skip
-    stepper, stop = open_stepper(system, scheme, history, how, t_end, resume, allow_change)
-    stepper.set_breaks(breaks, t_end)
-    signs = {} if resume is None else resume.event_signs
-    if hybrid:
-        found = hybrid.open(stepper, t_end, breaks, signs)
-    else:
-        found = Events(map(system.frame.event, functions), stepper, signs)
-    output = Output(stepper, stop, kept, found)
-    march = partial(hybrid.march, output) if hybrid else Drive.to
-    solution = run(stepper, stop, t_last, output, progress, began, march)
-    if estimate:
-        note_missed(solution, stepper)
-    first_order = isinstance(scheme, (ExplicitCaputo, GrunwaldLetnikov)) and mesh is None
-    first_order = first_order and not (scheme.is_map or system.delays)
-    if first_order and estimate and resume is None and not (hybrid or np.size(breaks)):
-        note_error(solution, stepper, stop)
-    return solution
+    origin = Origin(problem, scheme, kept.components, solved.jumps, resume, allow_change)
+    solved = solved._replace(solution=replace(solved.solution, origin=origin))
+    if not estimate:
+        return solved.solution
+    note_missed(solved.solution, solved.stepper)
+    return origin.with_error(solved)
 
 
 def _begin(

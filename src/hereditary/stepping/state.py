@@ -43,6 +43,8 @@ class State:
         What the stepper's `checkpoint` returned.
     event_signs : dict
         Sign of each event function just after `t`, by its digest.
+    accurate : State or None
+        State of an accurate run at the same time, if one told the error of this one.
     version : str
         Version of the library that made the state.
     layout : list
@@ -57,6 +59,7 @@ class State:
     identity: dict[str, Any] = field(repr=False)
     checkpoint: tuple = field(repr=False)
     event_signs: dict[str, float] = field(default_factory=dict, repr=False)
+    accurate: "State | None" = field(default=None, repr=False)
     version: str = field(default="", repr=False)
     layout: list = field(default_factory=list, repr=False)
 

@@ -1,0 +1,358 @@
+"""Errors of a run: its differences from an accurate run of the same problem.
+
+The accurate run is one of `Collocation` to a tolerance. The error of a run on given steps is its
+difference from a run to 1e-4, wherever it is above 2e-4 (convergence/estimates.py).
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from contextlib import AbstractContextManager
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from ..collocation.method import Collocation
+from ..collocation.opening import TOLERANCE_FLOOR
+from ..stepping.scheme import Scheme
+from ..stepping.state import State
+from ..stepping.status import SolveWarning, Status
+from ..stepping.stepper import ResumableStepper
+from ..stepping.times import together
+from ..support.checks import refuse, shown
+from ..support.html import paragraph, table_html
+from ..support.warning import ThreadSwitch, silence, warn
+from .opening import chooses_steps
+from .output import Kept
+from .problem import Problem, Solved
+from .solution import Solution
+
+# Tolerance of the accurate run of an estimate: ten times as much would leave errors of 1e-3, which
+# users ask for, unknown.
+_RTOL = 1e-4
+# Default tolerance of the accurate run of `check`, for runs on given steps.
+_CLOSE = 1e-6
+# A run by a tolerance is checked with this fraction of the tolerance.
+_TIGHTER = 1e-2
+# Number of steps that every accurate run of an estimate may take.
+_FEWEST = 200
+# Steps of a run for each step of the accurate run: with fewer a run is not resolved. 7 of 120
+# random forced problems had fewer, and erred by 10 to 77 %.
+_RESOLVED = 4
+# Least seconds after which the accurate run of an estimate is given up: 1,000 to 2,000 of its steps
+# for one component.
+_SECONDS = 0.05
+# Number of first rows that are compared: solutions that start like t**alpha err most in them.
+_FIRST = 100
+# Number of rows, spread evenly over the run, that are compared: 1.3 ms for one component.
+_SPREAD = 2000
+# Least size of a component, as a fraction of the largest one, as in tolerances of `solve`.
+_SMALL = 1e-6
+# Largest error without a warning, as fraction of the solution's size.
+_LARGE = 0.05
+# Difference from which two runs are as different as unrelated ones, as fraction of the size.
+_UNRELATED = 0.5
+_LEFT_OUT = "estimate=False leaves this estimate out"
+# Number of components that the table of an `Accuracy` shows.
+_SHOWN = 20
+
+_off = ThreadSwitch()
+
+
+def no_estimates() -> AbstractContextManager[None]:
+    """Return a context in which this thread computes no estimates, as in sweeps of many runs."""
+    return _off.set()
+
+
+@dataclass(frozen=True, eq=False)
+class Accuracy:
+    """Errors of a run: its differences from an accurate run of the same problem.
+
+    Attributes
+    ----------
+    t : ndarray, shape (k,)
+        Times of the rows that were compared: the first hundred and 2,000 spread over the run, or
+        all if there are fewer [time]. Where y jumps, rows between both times of the jump are left
+        out.
+    error : ndarray, shape (k, d)
+        Rows of the run minus those of the accurate run, in units of y.
+    size : ndarray, shape (d,)
+        Largest abs(y) of each component of the accurate run in these rows, at least a millionth of
+        that of the largest component.
+    rtol : float
+        Tolerance of the accurate run. Relative errors below it are not known.
+    n_steps : int
+        Number of steps of the accurate run.
+    """
+
+    t: np.ndarray
+    error: np.ndarray
+    size: np.ndarray
+    rtol: float
+    n_steps: int
+
+    @property
+    def relative(self) -> np.ndarray:
+        """Errors relative to the size of their component, shape (k, d) [-]."""
+        return np.abs(self.error) / np.where(self.size > 0, self.size, np.inf)
+
+    @property
+    def largest(self) -> np.ndarray:
+        """Largest relative error of each component, shape (d,) [-]."""
+        return self.relative.max(axis=0, initial=0.0)
+
+    @property
+    def at_end(self) -> np.ndarray:
+        """Relative error of each component in the last row, shape (d,) [-]."""
+        return self.relative[-1]
+
+    @property
+    def worst(self) -> tuple[float, int]:
+        """Time and component of the largest relative error."""
+        row, c = np.unravel_index(np.argmax(self.relative), self.error.shape)
+        return float(self.t[row]), int(c)
+
+    def _cells(self) -> list[list[str]]:
+        when = self.t[np.argmax(self.relative, axis=0)]
+        values = list(zip(self.largest, when, self.at_end, strict=True))
+        chosen = np.sort(np.argsort(-self.largest, kind="stable")[:_SHOWN])
+        return [
+            [str(c), f"{values[c][0]:.1e}", f"{values[c][1]:.4g}", f"{values[c][2]:.1e}"]
+            for c in chosen
+        ]
+
+    def _sentence(self) -> str:
+        (t, c), n = self.worst, self.size.size
+        left_out = f"; the {_SHOWN} largest of {n} components" if n > _SHOWN else ""
+        largest = f"largest error {self.largest[c]:.1e} of the size of component {c}, at t = {t:.4g}"
+        return f"{largest}; against {self.n_steps} steps to rtol={self.rtol:g}{left_out}"
+
+    def __repr__(self) -> str:
+        rows = [[*_HEADS], *self._cells()]
+        widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
+        lines = ["  ".join(map(str.rjust, row, widths)) for row in rows]
+        return "\n".join([*lines, self._sentence()])
+
+    def _repr_html_(self) -> str:
+        return paragraph(self._sentence()) + table_html([*_HEADS], self._cells())
+
+
+_HEADS = "component", "largest", "at t", "at the end"
+
+
+@dataclass(frozen=True, eq=False)
+class Origin:
+    """What a solution solves and how it was made, as far as an accurate run needs it.
+
+    Parameters
+    ----------
+    problem : Problem
+    scheme : Scheme
+    components : ndarray or None
+        Components that rows have.
+    jumps : ndarray, shape (k,)
+        Times at which y jumped, counted from the start.
+    resume : State or None
+        State from which the run went on.
+    allow_change : bool
+    """
+
+    problem: Problem
+    scheme: Scheme
+    components: np.ndarray | None
+    jumps: np.ndarray
+    resume: State | None
+    allow_change: bool
+
+    def with_error(self, run: Solved) -> Solution:
+        """Return the solution of a run with its estimated error, or the reason why it is unknown.
+
+        Warns if the error is large, and if the run is not resolved.
+        """
+        solution, n = run.solution, run.solution.stats["n_steps"]
+        if self.resume is not None:
+            n -= self.resume.how.n
+        if _off.value or not solution.success or chooses_steps(self.scheme):
+            return solution
+        most, unknown = max(_FEWEST, n // _RESOLVED), ""
+        if self.scheme.is_map:
+            unknown = "the equation is a map, whose steps have no error"
+        elif self.resume is not None and self.resume.accurate is None:
+            unknown = "the run that this one resumes has no estimate"
+        if unknown:
+            solution.stats.update(error_estimate=None, error_unknown=unknown)
+            return solution
+        seconds = solution.stats["setup_seconds"] + solution.stats["run_seconds"]
+        try:
+            with silence():
+                found = self._accurate(
+                    solution, Collocation(), rtol=_RTOL, max_steps=most,
+                    late=_Patience(max(_SECONDS, seconds)),
+                )  # fmt: skip
+        except Exception as error:  # of arguments that Collocation refuses, or of user's functions
+            unknown = f"there is no run to rtol={_RTOL:g}: {str(error).splitlines()[0]}"
+            solution.stats.update(error_estimate=None, error_unknown=unknown)
+            return solution
+        return self._judged(solution, found, n, most)
+
+    def _judged(self, solution: Solution, found: Solved, n: int, most: int) -> Solution:
+        """Note the error of a run of n steps, found by an accurate run of at most `most` steps."""
+        accuracy, other = self._compared(solution, found, _RTOL), found.solution
+        largest, unknown = float(accuracy.largest.max()), self._unknown(found, most)
+        lacking = unknown == _too_many(most)
+        steps, how = f"{n} steps of {self.scheme!r}", f"a run to rtol={_RTOL:g}"
+        until = f" up to t = {accuracy.t[-1]:g}" if unknown else ""
+        if found.stepper.health.missed:
+            pass
+        elif lacking:
+            warn(
+                f"{unknown}, so this one of {steps} is not resolved: take rtol=, or more steps; "
+                f"{_LEFT_OUT}",
+                SolveWarning,
+            )
+        elif largest > _UNRELATED:
+            warn(
+                f"{steps} differ by {100 * largest:.0f} % of the solution's size from {how}{until}"
+                ": they are not resolved, or the solution is chaotic; it is chaotic if runs to "
+                f"rtol=1e-6 and rtol=1e-8 differ as much; {_LEFT_OUT}",
+                SolveWarning,
+            )
+        elif largest > _LARGE:
+            warn(
+                f"errors{until} are about {100 * largest:.0f} % of the solution's size with "
+                f"{steps}: take rtol=1e-6, scheme=BDF(2) or more steps; {_LEFT_OUT}",
+                SolveWarning,
+            )
+        if unknown:
+            solution.stats.update(error_estimate=None, error_unknown=unknown)
+            return solution
+        solution.stats["error_estimate"] = max(largest, _RTOL)
+
+        def left() -> State:
+            state: Any = solution.state
+            return replace(state, accurate=other.state)
+
+        return replace(solution, accuracy=accuracy, left=left)
+
+    def _unknown(self, found: Solved, most: int) -> str:
+        """Return why an accurate run does not tell the error; empty if it does."""
+        other, stepper = found.solution, found.stepper
+        if stepper.health.missed:
+            return f"a run to rtol={_RTOL:g} misses a force that acts for a short time"
+        if other.success:
+            return ""
+        if other.status is Status.MAX_STEPS:
+            return _too_many(most)
+        if other.status is Status.INTERRUPTED:
+            start = 0.0 if self.resume is None else self.resume.accurate.t
+            span = self.problem.t_end - self.problem.system.frame.start - start
+            steps = other.stats["n_steps"]
+            if steps * span > most * (stepper.t - start):
+                return _too_many(most)
+            return f"a run to rtol={_RTOL:g} takes longer than this run; check() makes it"
+        t = stepper.t + self.problem.system.frame.start
+        return f"a run to rtol={_RTOL:g} ends at t = {t:g}: {other.status.sentence}"
+
+    def check(self, solution: Solution, rtol: float | None) -> Accuracy:
+        """Return the errors of a solution against an accurate run, as `Solution.check` does."""
+        if self.resume is not None:
+            required = "be one of an unbroken run"
+            refuse("solution", required, f"one resumed at t = {solution.t[0]:g}", "solve it anew")
+        if self.scheme.is_map:
+            refuse("solution", "have errors of steps", "one of a map")
+        if solution.t.size < 2:
+            refuse("solution", "have two rows", f"{solution.t.size}", solution.message)
+        scheme, atol = Collocation(), None
+        if chooses_steps(self.scheme):
+            kept: Any = solution.state
+            own, rtol = kept.how, rtol or max(_TIGHTER * kept.how.rtol, TOLERANCE_FLOOR)
+            nodes = self.scheme.nodes + (2 if self.scheme.nodes <= 10 else -2)
+            scheme = Collocation(nodes)
+            atol = None if own.atol is None else np.asarray(own.atol) * rtol / own.rtol
+        rtol = rtol or _CLOSE
+        with silence():
+            found = self._accurate(solution, scheme, rtol=rtol, atol=atol)
+        if not found.solution.success:
+            raise RuntimeError(f"the run to rtol={rtol:g}: {found.solution.message}")
+        return self._compared(solution, found, rtol)
+
+    def _accurate(
+        self,
+        solution: Solution,
+        scheme: Scheme,
+        *,
+        late: Callable[[ResumableStepper], bool] | None = None,
+        **steps: Any,
+    ) -> Solved:
+        """Solve the problem of a solution by a tolerance, with rows at the times to compare."""
+        problem = self.problem
+        events = tuple(map(_endless, filter(_changes, problem.events)))
+        problem = replace(problem, events=events, t_end=float(solution.t[-1]))
+        t = solution.t[_rows(solution.t.size)]
+        state = None if self.resume is None else self.resume.accurate
+        if state is not None:
+            t = t[t >= state.t + problem.system.frame.start]
+        how = {"resume": state, "allow_change": self.allow_change, "late": late}
+        return problem.solved(scheme, Kept(1, t, self.components), **how, **steps)
+
+    def _compared(self, solution: Solution, found: Solved, rtol: float) -> Accuracy:
+        """Return the differences of a solution from an accurate run, up to where that ends."""
+        other, rows = found.solution, _rows(solution.t.size)
+        rows = rows[np.searchsorted(solution.t[rows], other.t[0]) :][: other.t.size]
+        apart, size = solution.y[rows] - other.y, np.abs(other.y).max(axis=0)
+        size = np.maximum(size, _SMALL * size.max())
+        same = self._outside_jumps(other.t, found.jumps) if found.jumps.size else slice(None)
+        return Accuracy(other.t[same], apart[same], size, rtol, other.stats["n_steps"])
+
+    def _outside_jumps(self, times: np.ndarray, others: np.ndarray) -> np.ndarray:
+        """Return which times are not between a jump of this run and that of the accurate run."""
+        shared, t = min(self.jumps.size, others.size), times - self.problem.system.frame.start
+        same = np.ones(t.size, dtype=bool)
+        for first, last in np.sort([self.jumps[:shared], others[:shared]], axis=0).T:
+            same &= ((t < first) | (t > last)) & ~(together(t, first) | together(t, last))
+        return same
+
+
+class _Patience:
+    """Whether a run has taken longer than some seconds of its thread, after its first part.
+
+    The first part of a run may compile functions, or load their machine code.
+    """
+
+    def __init__(self, seconds: float) -> None:
+        self._seconds, self._until = seconds, np.inf
+
+    def __call__(self, stepper: ResumableStepper) -> bool:
+        """Return whether the run is late."""
+        now = time.thread_time()
+        if self._until == np.inf:
+            self._until = now + self._seconds
+        return now > self._until
+
+
+def _too_many(most: int) -> str:
+    return f"a run to rtol={_RTOL:g} takes more than {most} steps"
+
+
+def _rows(n: int) -> np.ndarray:
+    """Return the numbers of the rows to compare, of n rows."""
+    if n <= _SPREAD:
+        return np.arange(n)
+    return np.union1d(np.arange(_FIRST), np.linspace(0, n - 1, _SPREAD).astype(int))
+
+
+def _changes(event: Any) -> bool:
+    """Return whether an event changes y."""
+    return getattr(event, "change", None) is not None
+
+
+def _endless(event: Any) -> Any:
+    """Return an event that never ends a run, with the same zeros and changes."""
+
+    def same(t: float, y: np.ndarray) -> Any:
+        return event(t, y)
+
+    same.change, same.direction = event.change, getattr(event, "direction", 0.0)
+    return same

@@ -1,0 +1,100 @@
+"""What a run solves, however it steps; and the run, from its stepper to its `Solution`."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from functools import partial
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from ..equation.system import System
+from ..given.history.history import History
+from ..stepping.scheme import Scheme
+from ..stepping.state import State
+from ..stepping.stepper import ResumableStepper
+from .events import Events
+from .opening import how_to_step, open_stepper
+from .output import Kept, Output
+from .run import Drive, run
+from .solution import Solution
+
+
+class Solved(NamedTuple):
+    """A solution, the stepper that made it, and the times (k,) at which y jumped on the way.
+
+    Times count from the start of the equation.
+    """
+
+    solution: Solution
+    stepper: ResumableStepper
+    jumps: np.ndarray
+
+
+@dataclass(frozen=True, eq=False)
+class Problem:
+    """A system, the end of its run, and all that acts on the way.
+
+    Parameters
+    ----------
+    system : System
+    t_end : float
+        End of the run, the user's time.
+    breaks : ndarray, shape (k,)
+        Times at which the right-hand side jumps, counted from the start.
+    events, switches : tuple of callable
+    changes : Mapping of float and callable
+        Arguments of `solve`.
+    """
+
+    system: System
+    t_end: float
+    breaks: np.ndarray
+    events: tuple[Any, ...]
+    switches: tuple[Callable, ...]
+    changes: Mapping[float, Callable]
+
+    @property
+    def acts(self) -> bool:
+        """Whether y changes on the way, or the right-hand side has switches."""
+        changing = (getattr(event, "change", None) is not None for event in self.events)
+        return bool(self.switches or self.changes) or any(changing)
+
+    def solved(
+        self,
+        scheme: Scheme,
+        kept: Kept,
+        *,
+        history: History | None = None,
+        resume: State | None = None,
+        allow_change: bool = False,
+        progress: bool = False,
+        late: Callable[[ResumableStepper], bool] | None = None,
+        **steps: Any,
+    ) -> Solved:
+        """Solve the problem by a scheme, from the start or from a state.
+
+        `steps` are the arguments of `solve` that say how to step. ``late(stepper)`` is called
+        between parts of the run; it ends the run if it is True.
+        """
+        began = time.perf_counter()
+        system, hybrid, t_end = self.system, None, self.t_end - self.system.frame.start
+        if self.acts:
+            from ..hybrid import Hybrid  # a leaf that stands on this room
+
+            hybrid = Hybrid(system, scheme, self.events, self.switches, self.changes)
+            system = hybrid.system
+        how = how_to_step(system, scheme, t_end, resume, history=history, **steps)
+        stepper, stop = open_stepper(system, scheme, history, how, t_end, resume, allow_change)
+        stepper.set_breaks(self.breaks, t_end)
+        signs = {} if resume is None else resume.event_signs
+        if hybrid:
+            found = hybrid.open(stepper, t_end, self.breaks, signs)
+        else:
+            found = Events(map(system.frame.event, self.events), stepper, signs)
+        output = Output(stepper, stop, kept, found)
+        march = partial(hybrid.march, output) if hybrid else Drive.to
+        solution = run(stepper, stop, self.t_end, output, progress, began, march, late)
+        return Solved(solution, stepper, np.array(output.jumps))
