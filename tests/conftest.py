@@ -4,6 +4,7 @@ import gc
 import os
 import signal
 import tempfile
+from contextlib import nullcontext
 from importlib.metadata import version
 from pathlib import Path
 from weakref import WeakSet
@@ -24,6 +25,15 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 hypothesis.settings.register_profile("ci", derandomize=True, deadline=None, max_examples=40)
 hypothesis.settings.register_profile("dev", deadline=None, max_examples=25)
 hypothesis.settings.load_profile("ci" if os.environ.get("CI") else "dev")
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_runtest_protocol(item):
+    """Tests that are not marked take coarse steps on purpose, and estimate no errors of runs."""
+    from hereditary.solver.accuracy import no_estimates
+
+    with nullcontext() if item.get_closest_marker("estimates") else no_estimates():
+        return (yield)
 
 
 @pytest.fixture

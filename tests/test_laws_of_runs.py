@@ -131,7 +131,8 @@ def test_rows_are_what_the_dense_output_gives(case):
 TOLD = 2e-4
 
 
-@over([case for case in ONCE + chosen(steps="mesh", history=HISTORIES[2])])
+@pytest.mark.estimates
+@over(ONCE + chosen(steps="mesh", history=HISTORIES[2]))
 def test_error_estimates_are_true(case):
     """Of given steps within 10 per cent where errors exceed twice the tolerance of the estimate."""
     equation, how = case.equation(), case.how(n=60) | {"estimate": True}

@@ -71,6 +71,7 @@ from .kernels.named_kernels import (
 )
 from .large.imex import IMEX
 from .memory_term import MemoryTerm, memory_term
+from .solver.accuracy import Accuracy
 from .solver.solution import Solution
 from .solver.solve import solve
 from .stepping.status import SolveWarning, StabilityWarning, Status
@@ -84,6 +85,7 @@ __all__ = [
     "L1",
     "L2",
     "L12",
+    "Accuracy",
     "Adams",
     "Caputo",
     "Collocation",

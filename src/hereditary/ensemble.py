@@ -20,6 +20,7 @@ from .equation.equation import Equation, current_equation
 from .given.history.history import History
 from .given.opening import open_members
 from .given.steps import kept_steps
+from .solver.accuracy import no_estimates
 from .solver.elsewhere import lacking
 from .solver.opening import chooses_steps, how_to_step
 from .solver.output import room_for
@@ -610,7 +611,7 @@ class _Run:
         found: Any
         self._y[m], self._ydot[m] = np.nan, np.nan
         try:
-            with silence():
+            with silence(), no_estimates():
                 equation = self._members.equation(m)
                 how = self._how | {"changes": self._changes[m], "estimate": False}
                 found = solve(equation, self._t_end, t_eval=self._times, **how)

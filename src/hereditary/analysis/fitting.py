@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike
 
 from ..equation.equation import Equation
 from ..equation.system import System
+from ..solver.accuracy import no_estimates
 from ..solver.opening import chooses_steps
 from ..solver.progress import ProgressBar
 from ..solver.solution import Solution
@@ -349,7 +350,8 @@ class _Runs:
             if t[-1] <= equation.t_start or t[0] < equation.t_start:
                 refuse("t", f"begin at t_start = {equation.t_start:g} or later", shown(t))
         pairs = zip(equations, times, strict=True)
-        return [solve(equation, float(t[-1]), t_eval=t, **self._how) for equation, t in pairs]
+        with no_estimates():
+            return [solve(equation, float(t[-1]), t_eval=t, **self._how) for equation, t in pairs]
 
     def lacking(self, rows: list[np.ndarray]) -> list[np.ndarray]:
         """Return model minus data (n, k): NaN for missing data, inf after the end of a run.

@@ -7,6 +7,7 @@ style of the package, ``matplotlib.style.use(hereditary.plots.STYLE)``.
 from ._axes import STYLE
 from .lines import (
     amplitude_and_phase,
+    errors,
     fit,
     frequency_response,
     oscillogram,
@@ -19,6 +20,7 @@ __all__ = [
     "STYLE",
     "amplitude_and_phase",
     "bifurcation",
+    "errors",
     "fit",
     "frequency_response",
     "lyapunov_spectrum",

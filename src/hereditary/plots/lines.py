@@ -19,6 +19,7 @@ if TYPE_CHECKING:
 
     from ..analysis.fitting import FitResult
     from ..analysis.frequency_response import FrequencyResponse
+    from ..solver.accuracy import Accuracy
     from ..solver.solution import Solution
 
 # Points of a drawn response curve between two of its values.
@@ -133,6 +134,46 @@ def _phases(
     _, columns = curve(solution, which, (0,) if pair else (0, 1))
     half = columns.shape[1] // 2
     return columns[:, :half], columns[:, half:], labels
+
+
+def errors(
+    accuracy: Accuracy,
+    ax: Axes | None = None,
+    *,
+    components: ArrayLike | None = None,
+    **line: Any,
+) -> Axes:
+    """Draw relative errors of a run against time, on a logarithmic scale.
+
+    A dotted line shows the tolerance of the accurate run. Errors below it are not known.
+
+    Parameters
+    ----------
+    accuracy : Accuracy
+        What ``Solution.check`` returns.
+    ax : matplotlib Axes, optional
+        Where to draw; new axes by default.
+    components : int or array_like of int, optional
+        Which columns of ``accuracy.error``; all by default.
+    **line
+        Keywords of ``Axes.plot``.
+
+    Returns
+    -------
+    matplotlib Axes
+    """
+    which = chosen(components, accuracy.size.size)
+    relative = accuracy.relative[:, which]
+    with made(ax) as ax:
+        lines = ax.plot(accuracy.t, np.where(relative > 0, relative, np.nan), **line)
+        ax.axhline(accuracy.rtol, color="0.5", ls=":", lw=1)
+        if "label" in line:
+            ax.legend()
+        elif len(which) > 1:
+            ax.legend(lines, [f"component {j}" for j in which])
+        ax.set(xlabel="$t$", ylabel="error / size [-]", title="Errors", yscale="log")
+        ax.margins(x=0)
+    return ax
 
 
 def fit(

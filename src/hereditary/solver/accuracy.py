@@ -10,7 +10,8 @@ import time
 from collections.abc import Callable
 from contextlib import AbstractContextManager
 from dataclasses import dataclass, replace
-from typing import Any
+from functools import wraps
+from typing import Any, cast
 
 import numpy as np
 
@@ -21,7 +22,7 @@ from ..stepping.state import State
 from ..stepping.status import SolveWarning, Status
 from ..stepping.stepper import ResumableStepper
 from ..stepping.times import together
-from ..support.checks import refuse, shown
+from ..support.checks import refuse
 from ..support.html import paragraph, table_html
 from ..support.warning import ThreadSwitch, silence, warn
 from .opening import chooses_steps
@@ -54,9 +55,12 @@ _SMALL = 1e-6
 _LARGE = 0.05
 # Difference from which two runs are as different as unrelated ones, as fraction of the size.
 _UNRELATED = 0.5
+_ACCURATE = "a run to rtol=1e-4"
+_MORE = f"{_ACCURATE} takes more than"
 _LEFT_OUT = "estimate=False leaves this estimate out"
 # Number of components that the table of an `Accuracy` shows.
 _SHOWN = 20
+_HEADS = "component", "largest", "at t", "at the end"
 
 _off = ThreadSwitch()
 
@@ -126,11 +130,13 @@ class Accuracy:
     def _sentence(self) -> str:
         (t, c), n = self.worst, self.size.size
         left_out = f"; the {_SHOWN} largest of {n} components" if n > _SHOWN else ""
-        largest = f"largest error {self.largest[c]:.1e} of the size of component {c}, at t = {t:.4g}"
+        largest = (
+            f"largest error {self.largest[c]:.1e} of the size of component {c}, at t = {t:.4g}"
+        )
         return f"{largest}; against {self.n_steps} steps to rtol={self.rtol:g}{left_out}"
 
     def __repr__(self) -> str:
-        rows = [[*_HEADS], *self._cells()]
+        rows = [list(_HEADS), *self._cells()]
         widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
         lines = ["  ".join(map(str.rjust, row, widths)) for row in rows]
         return "\n".join([*lines, self._sentence()])
@@ -139,11 +145,8 @@ class Accuracy:
         return paragraph(self._sentence()) + table_html([*_HEADS], self._cells())
 
 
-_HEADS = "component", "largest", "at t", "at the end"
-
-
 @dataclass(frozen=True, eq=False)
-class Origin:
+class Provenance:
     """What a solution solves and how it was made, as far as an accurate run needs it.
 
     Parameters
@@ -171,89 +174,64 @@ class Origin:
 
         Warns if the error is large, and if the run is not resolved.
         """
-        solution, n = run.solution, run.solution.stats["n_steps"]
-        if self.resume is not None:
-            n -= self.resume.how.n
+        solution = run.solution
         if _off.value or not solution.success or chooses_steps(self.scheme):
             return solution
-        most, unknown = max(_FEWEST, n // _RESOLVED), ""
-        if self.scheme.is_map:
-            unknown = "the equation is a map, whose steps have no error"
-        elif self.resume is not None and self.resume.accurate is None:
-            unknown = "the run that this one resumes has no estimate"
+        n = solution.stats["n_steps"] - (0 if self.resume is None else self.resume.how.n)
+        most = max(_FEWEST, n // _RESOLVED)
+        found = self._accurate_or_why(solution, most)
+        if isinstance(found, str):
+            return _with_no_estimate(solution, found)
+        unknown = self._lacking(found, most)
+        if not found.stepper.health.missed:
+            accuracy = self._compared(solution, found, _RTOL)
+            largest = float(accuracy.largest.max())
+            t = found.stepper.t + self.problem.system.frame.start
+            until = f" up to t = {t:g}" if unknown else ""
+            _warn(100 * largest, f"{n} steps of {self.scheme!r}", unknown, until)
         if unknown:
-            solution.stats.update(error_estimate=None, error_unknown=unknown)
-            return solution
-        seconds = solution.stats["setup_seconds"] + solution.stats["run_seconds"]
-        try:
-            with silence():
-                found = self._accurate(
-                    solution, Collocation(), rtol=_RTOL, max_steps=most,
-                    late=_Patience(max(_SECONDS, seconds)),
-                )  # fmt: skip
-        except Exception as error:  # of arguments that Collocation refuses, or of user's functions
-            unknown = f"there is no run to rtol={_RTOL:g}: {str(error).splitlines()[0]}"
-            solution.stats.update(error_estimate=None, error_unknown=unknown)
-            return solution
-        return self._judged(solution, found, n, most)
-
-    def _judged(self, solution: Solution, found: Solved, n: int, most: int) -> Solution:
-        """Note the error of a run of n steps, found by an accurate run of at most `most` steps."""
-        accuracy, other = self._compared(solution, found, _RTOL), found.solution
-        largest, unknown = float(accuracy.largest.max()), self._unknown(found, most)
-        lacking = unknown == _too_many(most)
-        steps, how = f"{n} steps of {self.scheme!r}", f"a run to rtol={_RTOL:g}"
-        until = f" up to t = {accuracy.t[-1]:g}" if unknown else ""
-        if found.stepper.health.missed:
-            pass
-        elif lacking:
-            warn(
-                f"{unknown}, so this one of {steps} is not resolved: take rtol=, or more steps; "
-                f"{_LEFT_OUT}",
-                SolveWarning,
-            )
-        elif largest > _UNRELATED:
-            warn(
-                f"{steps} differ by {100 * largest:.0f} % of the solution's size from {how}{until}"
-                ": they are not resolved, or the solution is chaotic; it is chaotic if runs to "
-                f"rtol=1e-6 and rtol=1e-8 differ as much; {_LEFT_OUT}",
-                SolveWarning,
-            )
-        elif largest > _LARGE:
-            warn(
-                f"errors{until} are about {100 * largest:.0f} % of the solution's size with "
-                f"{steps}: take rtol=1e-6, scheme=BDF(2) or more steps; {_LEFT_OUT}",
-                SolveWarning,
-            )
-        if unknown:
-            solution.stats.update(error_estimate=None, error_unknown=unknown)
-            return solution
+            return _with_no_estimate(solution, unknown)
         solution.stats["error_estimate"] = max(largest, _RTOL)
 
         def left() -> State:
-            state: Any = solution.state
-            return replace(state, accurate=other.state)
+            return replace(cast(State, solution.state), accurate=found.solution.state)
 
         return replace(solution, accuracy=accuracy, left=left)
 
-    def _unknown(self, found: Solved, most: int) -> str:
+    def _accurate_or_why(self, solution: Solution, most: int) -> Solved | str:
+        """Return an accurate run of at most `most` steps, or why there is none."""
+        if self.scheme.is_map:
+            return "the equation is a map, whose steps have no error"
+        if self.resume is not None and self.resume.accurate is None:
+            return "the run that this one resumes has no estimate"
+        seconds = solution.stats["setup_seconds"] + solution.stats["run_seconds"]
+        late = _Patience(max(_SECONDS, seconds))
+        try:
+            with silence():
+                how: Any = {"rtol": _RTOL, "max_steps": most, "late": late}
+                return self._accurate(solution, Collocation(), **how)
+        except Exception as error:  # of arguments that Collocation refuses, or of user's functions
+            return f"{_ACCURATE} is not possible: {error}"
+
+    def _lacking(self, found: Solved, most: int) -> str:
         """Return why an accurate run does not tell the error; empty if it does."""
         other, stepper = found.solution, found.stepper
         if stepper.health.missed:
-            return f"a run to rtol={_RTOL:g} misses a force that acts for a short time"
+            return f"{_ACCURATE} misses a force that acts for a short time"
         if other.success:
             return ""
         if other.status is Status.MAX_STEPS:
-            return _too_many(most)
+            return f"{_MORE} {most} steps"
         if other.status is Status.INTERRUPTED:
-            start = 0.0 if self.resume is None else self.resume.accurate.t
+            resumed = self.resume and self.resume.accurate
+            start = resumed.t if resumed else 0.0
             span = self.problem.t_end - self.problem.system.frame.start - start
             steps = other.stats["n_steps"]
             if steps * span > most * (stepper.t - start):
-                return _too_many(most)
-            return f"a run to rtol={_RTOL:g} takes longer than this run; check() makes it"
+                return f"{_MORE} {most} steps"
+            return f"{_ACCURATE} takes longer than this run; check() makes it"
         t = stepper.t + self.problem.system.frame.start
-        return f"a run to rtol={_RTOL:g} ends at t = {t:g}: {other.status.sentence}"
+        return f"{_ACCURATE} ends at t = {t:g}: {other.status.sentence}"
 
     def check(self, solution: Solution, rtol: float | None) -> Accuracy:
         """Return the errors of a solution against an accurate run, as `Solution.check` does."""
@@ -265,11 +243,11 @@ class Origin:
         if solution.t.size < 2:
             refuse("solution", "have two rows", f"{solution.t.size}", solution.message)
         scheme, atol = Collocation(), None
-        if chooses_steps(self.scheme):
-            kept: Any = solution.state
-            own, rtol = kept.how, rtol or max(_TIGHTER * kept.how.rtol, TOLERANCE_FLOOR)
-            nodes = self.scheme.nodes + (2 if self.scheme.nodes <= 10 else -2)
-            scheme = Collocation(nodes)
+        if isinstance(self.scheme, Collocation):
+            own = cast(State, solution.state).how
+            rtol = rtol or max(_TIGHTER * own.rtol, TOLERANCE_FLOOR)
+            nodes = self.scheme.nodes
+            scheme = Collocation(nodes + 2 if nodes <= 10 else nodes - 2)
             atol = None if own.atol is None else np.asarray(own.atol) * rtol / own.rtol
         rtol = rtol or _CLOSE
         with silence():
@@ -294,7 +272,7 @@ class Origin:
         state = None if self.resume is None else self.resume.accurate
         if state is not None:
             t = t[t >= state.t + problem.system.frame.start]
-        how = {"resume": state, "allow_change": self.allow_change, "late": late}
+        how: Any = {"resume": state, "allow_change": self.allow_change, "late": late}
         return problem.solved(scheme, Kept(1, t, self.components), **how, **steps)
 
     def _compared(self, solution: Solution, found: Solved, rtol: float) -> Accuracy:
@@ -332,8 +310,30 @@ class _Patience:
         return now > self._until
 
 
-def _too_many(most: int) -> str:
-    return f"a run to rtol={_RTOL:g} takes more than {most} steps"
+def _with_no_estimate(solution: Solution, why: str) -> Solution:
+    """Return the solution with the reason why its error is unknown."""
+    solution.stats.update(error_estimate=None, error_unknown=why)
+    return solution
+
+
+def _warn(percent: float, steps: str, unknown: str, until: str) -> None:
+    """Warn of errors in per cent of the solution's size, and of accurate runs of many steps."""
+    text = ""
+    if unknown.startswith(_MORE):
+        text = f"{unknown}, so {steps} do not resolve the solution: take rtol=, or more steps"
+    elif percent > 100 * _UNRELATED:
+        text = (
+            f"{steps} differ by {percent:.0f} % of the solution's size from {_ACCURATE}{until}: "
+            "they do not resolve it, or it is chaotic, which it is if runs to rtol=1e-6 and "
+            "rtol=1e-8 differ as much"
+        )
+    elif percent > 100 * _LARGE:
+        text = (
+            f"errors{until} are about {percent:.0f} % of the solution's size with {steps}: take "
+            "rtol=1e-6, or more steps"
+        )
+    if text:
+        warn(f"{text}; {_LEFT_OUT}", SolveWarning)
 
 
 def _rows(n: int) -> np.ndarray:
@@ -351,8 +351,9 @@ def _changes(event: Any) -> bool:
 def _endless(event: Any) -> Any:
     """Return an event that never ends a run, with the same zeros and changes."""
 
+    @wraps(event, updated=())
     def same(t: float, y: np.ndarray) -> Any:
         return event(t, y)
 
-    same.change, same.direction = event.change, getattr(event, "direction", 0.0)
+    vars(same).update(change=event.change, direction=getattr(event, "direction", 0.0))
     return same

@@ -21,7 +21,7 @@ from ..support.warning import warn
 from .saving import read_result, state_from, stored_state, take_arrays, write_result
 
 if TYPE_CHECKING:
-    from .accuracy import Accuracy, Origin
+    from .accuracy import Accuracy, Provenance
 
 _SAVED = "be a solution that Solution.save wrote"
 # Fields of a solution that `Solution.save` writes as arrays.
@@ -97,7 +97,7 @@ class Solution:
     t_events: list[np.ndarray] = field(default_factory=list, repr=False)
     y_events: list[np.ndarray] = field(default_factory=list, repr=False)
     accuracy: Accuracy | None = field(default=None, repr=False)
-    origin: Origin | None = field(default=None, repr=False)
+    provenance: Provenance | None = field(default=None, repr=False)
     # a right-hand side may read a solution: its contents never change, so its digest is kept
     fixed_contents: ClassVar[bool] = True
 
@@ -111,7 +111,7 @@ class Solution:
         return self.left() if callable(self.left) else self.left
 
     def __getstate__(self) -> dict[str, Any]:
-        return vars(self) | {"left": self.state, "origin": None}
+        return vars(self) | {"left": self.state, "provenance": None}
 
     @property
     def success(self) -> bool:
@@ -186,10 +186,10 @@ class Solution:
         >>> sol = hd.solve(hd.scenes.brusselator(), 20.0, 2000)
         >>> sol.check()
         """
-        if self.origin is None:
+        if self.provenance is None:
             required, got = "be one that `solve` returned in this process", "one from a file"
             refuse("solution", required, got, "solve the equation again")
-        return self.origin.check(self, rtol)
+        return self.provenance.check(self, rtol)
 
     def _repr_html_(self) -> str:
         wanted = "n_steps", "n_rhs", "n_modes", "error_estimate", "run_seconds"

@@ -31,7 +31,7 @@ from ..support.checks import (
     truth,
     whole,
 )
-from .accuracy import Origin
+from .accuracy import Provenance
 from .opening import chooses_steps
 from .output import Kept
 from .problem import Problem
@@ -265,12 +265,12 @@ def solve(
         scheme, kept, history=history, resume=resume, allow_change=allow_change, progress=progress,
         n_steps=n_steps, mesh=mesh, rtol=rtol, atol=atol, max_step=max_step, max_steps=max_steps,
     )  # fmt: skip
-    origin = Origin(problem, scheme, kept.components, solved.jumps, resume, allow_change)
-    solved = solved._replace(solution=replace(solved.solution, origin=origin))
+    provenance = Provenance(problem, scheme, kept.components, solved.jumps, resume, allow_change)
+    solved = solved._replace(solution=replace(solved.solution, provenance=provenance))
     if not estimate:
         return solved.solution
     note_missed(solved.solution, solved.stepper)
-    return origin.with_error(solved)
+    return provenance.with_error(solved)
 
 
 def _begin(
