@@ -1,0 +1,270 @@
+"""Every run on given steps tells its true error, and any solution can be checked."""
+
+import pickle
+import warnings
+from concurrent.futures import ThreadPoolExecutor
+
+import numpy as np
+import pytest
+from problems import PROBLEMS as EXACT
+
+import hereditary as hd
+from hereditary.solver import accuracy
+
+pytestmark = pytest.mark.estimates
+# Estimates compare with a run to 1e-4, so they know errors from twice that on.
+KNOWN = 2e-4
+
+
+def driven(t, y, p):
+    return -p[0] * y + p[1] * np.sin(p[2] * t)
+
+
+def equation(order=0.8, y0=None, params=(1.0, 1.0, 2.0)):
+    y0 = y0 or ([1.0] if order <= 1 else [[1.0], [0.0]])
+    return hd.Equation(hd.Caputo(order), driven, y0, params=params)
+
+
+def quietly(eq, *how, **more):
+    """Return a solution and the warnings of its run."""
+    with warnings.catch_warnings(record=True) as seen:
+        warnings.simplefilter("always")
+        sol = hd.solve(eq, *how, **more)
+    return sol, [str(one.message) for one in seen]
+
+
+def error(sol, truth):
+    """Return the largest error of a component relative to its size."""
+    return float(np.max(np.abs(sol.y - truth).max(axis=0) / np.abs(truth).max(axis=0)))
+
+
+def assert_true(sol, truth):
+    """Assert that an estimate is within 10 per cent of the error, or says that it is small."""
+    off, told = error(sol, truth), sol.stats["error_estimate"]
+    assert 0.9 * off <= told <= max(1.1 * off, KNOWN), (off, told)
+    assert told >= 1e-4
+
+
+@pytest.mark.parametrize("scheme", [hd.ExplicitCaputo(), hd.BDF(2)], ids=str)
+@pytest.mark.parametrize("problem", EXACT, ids=lambda problem: problem.name)
+def test_estimates_are_true(problem, scheme):
+    for n in (50, 400):
+        sol, _ = quietly(problem.equation(), problem.t_end, n, scheme=scheme)
+        assert_true(sol, problem.exact(sol.t))
+
+
+def test_estimates_of_drawn_problems_are_true_and_no_large_error_is_silent():
+    rng, schemes = np.random.default_rng(57), [hd.ExplicitCaputo(), hd.BDF(2), hd.L1(), hd.Adams()]
+    for number in range(60):
+        order, n = rng.uniform(0.2, 1.9), int(rng.choice([40, 150, 1000]))
+        eq, t_end = equation(order, params=rng.uniform(0.3, 2.0, 3)), rng.uniform(5.0, 30.0)
+        sol, seen = quietly(eq, t_end, n, scheme=schemes[number % 4])
+        if not sol.success:
+            continue
+        truth = hd.solve(eq, t_end, rtol=1e-9, t_eval=sol.t).y
+        if error(sol, truth) > 0.1:
+            assert seen
+        if sol.stats["error_estimate"] is not None:
+            assert_true(sol, truth)
+
+
+def dose(t, y):
+    return y + 1.0
+
+
+def low(t, y):
+    return y[0] - 0.3
+
+
+low.direction = -1
+low.change = dose
+
+
+@pytest.mark.parametrize(
+    "how",
+    [
+        {"n_steps": 1000, "breaks": [2.0]},
+        {"mesh": hd.graded(60, 2.0), "scheme": hd.L1()},
+        {"n_steps": 1000, "changes": {1.0: dose, 3.5: dose}},
+        {"n_steps": 1000, "events": low},
+        {"n_steps": 1000, "switches": low},
+        {"n_steps": 1000, "t_eval": np.linspace(0.5, 5.0, 17)},
+        {"n_steps": 9000, "save_every": 2},
+    ],
+    ids=lambda how: next(iter(sorted(how.keys() - {"n_steps"}))),
+)
+def test_estimates_know_what_acts_on_the_way(how):
+    eq = equation(params=(1.0, 0.0, 1.0))
+    sol, seen = quietly(eq, 5.0, **how)
+    given = {key: how[key] for key in how.keys() & {"breaks", "changes", "events", "switches"}}
+    truth = hd.solve(eq, 5.0, rtol=1e-9, **given)
+    jumps = [one.t[1:][np.diff(one.t) == 0] for one in (sol, truth)]
+    apart = np.ones(sol.t.size, dtype=bool)
+    if "n_steps" in how and jumps[0].size:  # rows between both times of a jump are not compared
+        for first, last in np.sort(jumps, axis=0).T:
+            apart &= (sol.t < first - 1e-9) | (sol.t > last + 1e-9)
+    off = np.abs(sol.y - truth(sol.t))[apart].max() / np.abs(truth(sol.t)).max()
+    assert 0.9 * off <= sol.stats["error_estimate"] <= max(1.1 * off, KNOWN)
+    assert not seen
+
+
+def test_a_delay_is_known():
+    def late(t, y, past):
+        return -past[0]
+
+    eq = hd.Equation(hd.Caputo(0.9), late, [1.0], memory=hd.Delay(1.0))
+    sol, _ = quietly(eq, 8.0, 200)
+    assert_true(sol, hd.solve(eq, 8.0, rtol=1e-9)(sol.t))
+
+
+@pytest.mark.parametrize("stored", [False, True])
+def test_a_resumed_run_knows_its_error(stored):
+    """The state has that of an accurate run beside it; with other parameters too."""
+    eq = equation()
+    first, _ = quietly(eq, 4.0, 100)
+    state = pickle.loads(pickle.dumps(first.state)) if stored else first.state
+    for params in (None, [0.5, 1.0, 1.0]):
+        rest, _ = quietly(eq, 8.0, resume=state, params=params)
+        close = hd.solve(eq, 4.0, rtol=1e-9)
+        truth = hd.solve(eq, 8.0, resume=close.state, params=params)
+        assert_true(rest, truth(np.maximum(rest.t, truth.t[0])))
+    through, _ = quietly(eq, 8.0, 200)
+    rest, _ = quietly(eq, 8.0, resume=state)
+    assert np.array_equal(rest.y, through.y[100:])
+
+
+def test_a_run_after_one_without_an_estimate_has_none():
+    first = hd.solve(equation(), 4.0, 100, estimate=False)
+    stats = hd.solve(equation(), 8.0, resume=first.state).stats
+    assert stats["error_estimate"] is None
+    assert stats["error_unknown"] == "the run that this one resumes has no estimate"
+
+
+def table(t, y, p):
+    return p[min(int(t * 50), p.size - 1)] - y
+
+
+def van_der_pol(t, y, p):
+    return np.array([y[1], p[0] * (1 - y[0] ** 2) * y[1] - y[0]])
+
+
+def test_what_an_accurate_run_does_not_solve_in_few_steps_is_not_resolved():
+    noise = np.random.default_rng(5).normal(size=1000)
+    unresolved = [
+        (hd.Equation(hd.Caputo(0.9), table, [0.0], params=noise), 20.0, 1000, hd.L1()),
+        (hd.Equation(hd.Caputo(0.9), van_der_pol, [1.0, 0.5], params=[4.2]), 40.0, 700, None),
+    ]
+    for eq, t_end, n, scheme in unresolved:
+        sol, (seen,) = quietly(eq, t_end, n, scheme=scheme)
+        assert sol.stats["error_estimate"] is None
+        assert sol.stats["error_unknown"] in seen
+        assert "takes more than 2" in seen
+        assert "do not resolve the solution" in seen
+
+
+def test_a_map_and_what_collocation_refuses_have_no_estimate():
+    eq = hd.Equation(hd.Caputo(0.8), lambda n, u: 1.5 * u * (1 - u), 0.3)
+    stats = hd.solve(eq, 50, 50, scheme=hd.GrunwaldLetnikov(map=True)).stats
+    assert stats["error_estimate"] is None
+    assert "map" in stats["error_unknown"]
+    eq = hd.Equation(hd.Caputo(lambda t: 0.8 + 0.0 * t), driven, [1.0], params=(1, 1, 1))
+    sol, _ = quietly(eq, 2.0, 50, changes={1.0: dose})
+    assert sol.stats["error_estimate"] is None
+    assert "a run to rtol=1e-4 is not possible" in sol.stats["error_unknown"]
+
+
+def test_a_chaotic_run_says_so_and_a_large_error_too():
+    sol, (seen,) = quietly(hd.scenes.rossler(), 100.0, 20_000)
+    assert "do not resolve it, or it is chaotic" in seen
+    assert sol.stats["error_estimate"] > 0.5
+    sol, (seen,) = quietly(equation(1.5), 20.0, 40)
+    assert seen.startswith("errors are about")
+    assert sol.accuracy.largest.max() == sol.stats["error_estimate"] > 0.05
+
+
+@pytest.mark.parametrize("how", [{"estimate": False}, {"rtol": 1e-6, "n_steps": None}])
+def test_no_estimate_is_made_unasked(how):
+    sol, seen = quietly(equation(1.5), 20.0, **{"n_steps": 40} | how)
+    assert not seen
+    assert sol.accuracy is None
+    assert "error_unknown" not in sol.stats
+
+
+def test_many_runs_estimate_nothing(monkeypatch):
+    """Sweeps, ensembles, fits, sensitivities and tables of convergence."""
+
+    def refused(*how):
+        raise AssertionError("an estimate was made")
+
+    monkeypatch.setattr(accuracy.Provenance, "_accurate_or_why", refused)
+    eq, t = equation(1.5), np.linspace(0.5, 5.0, 10)
+    with ThreadPoolExecutor(1) as executor:
+        grid = {"n": [30, 40]}
+        swept = hd.sweep(lambda n: hd.solve(eq, 5.0, n).y[-1, 0], grid, executor, progress=False)
+    assert swept.success.all()
+    hd.ensemble(eq, 5.0, 40, params=[[1.0, 1.0, 2.0], [1.0, 1.0, 1.0]])
+    data = hd.solve(eq, 5.0, rtol=1e-6, t_eval=t).y
+    hd.fit(lambda p: equation(1.5, params=(p, 1.0, 2.0)), t, data, {"p": 0.9}, n_steps=50)
+    hd.convergence_table(eq, 5.0, [40, 80])
+    with pytest.raises(AssertionError, match="an estimate"):
+        hd.solve(eq, 5.0, 40)
+
+
+def test_results_do_not_depend_on_the_estimate_and_functions_are_called_for_it():
+    calls = []
+
+    def counted(t, y):
+        calls.append(t)
+        return dose(t, y)
+
+    how = {"changes": {2.0: counted}}
+    with_it, without = (hd.solve(equation(), 5.0, 500, estimate=e, **how) for e in (True, False))
+    assert np.array_equal(with_it.y, without.y)
+    assert calls == [2.0] * 3
+
+
+def test_an_exception_of_the_accurate_run_does_not_end_the_run():
+    class Table:
+        def fails_between_steps(self, t, y):
+            if round(t * 20, 9) % 1:
+                raise ZeroDivisionError
+            return -y
+
+    with pytest.warns(hd.PythonFunctionWarning):
+        eq = hd.Equation(hd.Caputo(0.8), Table().fails_between_steps, [1.0])
+    sol = hd.solve(eq, 5.0, 100)
+    assert sol.success
+    assert "is not possible" in sol.stats["error_unknown"]
+
+
+@pytest.mark.parametrize(
+    "how",
+    [{"n_steps": 400}, {"n_steps": 300, "scheme": hd.BDF(2)}, {"rtol": 1e-3}, {"atol": 1e-4}],
+    ids=str,
+)
+def test_a_solution_can_be_checked(how):
+    eq = equation(1.5)
+    sol = hd.solve(eq, 20.0, **how)
+    truth, found = hd.solve(eq, 20.0, rtol=1e-11)(sol.t), sol.check()
+    off = np.abs(sol.y - truth) / np.abs(truth).max(axis=0)
+    np.testing.assert_allclose(found.relative, off, rtol=0.02, atol=1e-6)
+    assert found.largest.shape == found.size.shape == (1,)
+    t, c = found.worst
+    assert c == 0
+    assert found.relative[list(found.t).index(t), 0] == found.largest[0]
+    assert f"{found.largest[0]:.1e}" in repr(found)
+
+
+def test_what_cannot_be_checked_is_refused(tmp_path):
+    eq = equation()
+    sol = hd.solve(eq, 4.0, 100)
+    for other in (pickle.loads(pickle.dumps(sol)), hd.solve(eq, 8.0, resume=sol.state)):
+        with pytest.raises(ValueError, match="solution must be one"):
+            other.check()
+    with pytest.raises(ValueError, match="rtol must"):
+        sol.check(rtol=2.0)
+
+
+def test_time_alone_is_solved_to_a_tolerance():
+    by_default, asked = hd.solve(equation(), 10.0), hd.solve(equation(), 10.0, rtol=1e-6)
+    np.testing.assert_array_equal(by_default.y, asked.y)
