@@ -1,8 +1,8 @@
 """`stats["error_estimate"]` of runs on given steps is their error, wherever it is above 2e-4.
 
 Problems are drawn: orders from 0.2 to 1.95, 40 to 4,000 steps of five schemes, and forces and
-fronts that these steps may not resolve. The kinds are linear and cubic springs and a pendulum that
-are driven, a force that switches steeply, a front, and two components of which the first relaxes
+fronts that these steps may not resolve. Driven are linear and cubic springs and a pendulum, and
+a spring whose force switches steeply. There is a front, and a pair of which one part relaxes
 fast. All solutions start like t**alpha. Errors are those of all rows against a run to 1e-9,
 relative to the size of each component. A run to 1e-11 says where that is not accurate.
 

@@ -26,6 +26,7 @@ SECTIONS = {
     " varying_orders stability published_rules models derivatives delays",
     "Steps chosen by a tolerance": "collocation undamped coincidences work_precision peers"
     " campaign solve_ivp",
+    "Errors of given steps": "estimates",
     "Memory and kernels": "memory_is_nearly_free histories exponential_sum_modes memory_kernels"
     " random_kernels kernels_and_sticking viscoelastic_responses laplace_kernels",
     "Large systems, ensembles and sweeps": "large_systems large_compared stick_slip_chain ensembles"

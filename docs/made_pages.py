@@ -53,7 +53,7 @@ TASKS = {
     "Frequencies": "frequency_response FrequencyResponse power_spectrum PowerSpectrum",
     "Chaos": "lyapunov LyapunovResult zero_one_test ZeroOneResult maxima stroboscopic Section"
     " classify Regime RegimeVerdict",
-    "Errors of a scheme": "convergence_table ConvergenceTable",
+    "Errors": "Accuracy convergence_table ConvergenceTable",
     "Models and figures": "scenes plots",
     "Warnings": "SolveWarning StabilityWarning PythonFunctionWarning KernelWarning"
     " IdentifiabilityWarning",

@@ -78,6 +78,7 @@ PAGES += [
 ]
 
 
+@pytest.mark.estimates
 @pytest.mark.parametrize("page", PAGES)
 def test_examples_in_pages(page, tmp_path, monkeypatch, capsys):
     """They run, and print what the page shows."""

@@ -714,6 +714,10 @@ class AdaptiveStepper(ResumableStepper, TangentStepper, JumpingStepper):
             required = "change no y beside RiemannLiouville, which takes jumps for derivatives"
             refuse(moving, required, kinds)
 
+    def limit_rows(self, most):
+        """Let `advance` make at most so many steps, so that a run looks at its time more often."""
+        self._rows = min(self._rows, most)
+
     def set_y(self, y):
         """Let y jump to these values, (d,), at the present time; memory does not see the jump."""
         self._orbit.shift(self._view.widened(y - self.y))

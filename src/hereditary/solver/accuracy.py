@@ -39,12 +39,15 @@ _CLOSE = 1e-6
 _TIGHTER = 1e-2
 # Number of steps that every accurate run of an estimate may take.
 _FEWEST = 200
-# Steps of a run for each step of the accurate run: with fewer a run is not resolved. 7 of 120
-# random forced problems had fewer, and erred by 10 to 77 %.
+# Steps of a run for each step of the accurate run: with fewer a run is hardly resolved. 31 of 500
+# random problems had fewer, and half of them erred by more than 13 % (convergence/estimates.py).
 _RESOLVED = 4
-# Least seconds after which the accurate run of an estimate is given up: 1,000 to 2,000 of its steps
-# for one component.
+# Least seconds after which the accurate run of an estimate is given up: 1,000 to 2,000 steps of one
+# component.
 _SECONDS = 0.05
+# Seconds of an accurate run of d components without a structure, over d**3: 1.5e-9 for d = 400 and
+# seven steps.
+_FACTORED = 2e-9
 # Number of first rows that are compared: solutions that start like t**alpha err most in them.
 _FIRST = 100
 # Number of rows, spread evenly over the run, that are compared: 1.3 ms for one component.
@@ -56,6 +59,7 @@ _LARGE = 0.05
 # Difference from which two runs are as different as unrelated ones, as fraction of the size.
 _UNRELATED = 0.5
 _ACCURATE = "a run to rtol=1e-4"
+_LONGER = f"{_ACCURATE} takes longer than this run; check() makes it"
 _MORE = f"{_ACCURATE} takes more than"
 _LEFT_OUT = "estimate=False leaves this estimate out"
 # Number of components that the table of an `Accuracy` shows.
@@ -133,7 +137,7 @@ class Accuracy:
         largest = (
             f"largest error {self.largest[c]:.1e} of the size of component {c}, at t = {t:.4g}"
         )
-        return f"{largest}; against {self.n_steps} steps to rtol={self.rtol:g}{left_out}"
+        return f"{largest}\nagainst {self.n_steps} steps to rtol={self.rtol:g}{left_out}"
 
     def __repr__(self) -> str:
         rows = [list(_HEADS), *self._cells()]
@@ -205,7 +209,10 @@ class Provenance:
         if self.resume is not None and self.resume.accurate is None:
             return "the run that this one resumes has no estimate"
         seconds = solution.stats["setup_seconds"] + solution.stats["run_seconds"]
-        late = _Patience(max(_SECONDS, seconds))
+        seconds, system = max(_SECONDS, seconds), self.problem.system
+        if system.structure is None and _FACTORED * system.d**3 > seconds:
+            return _LONGER
+        late = _Patience(seconds)
         try:
             with silence():
                 how: Any = {"rtol": _RTOL, "max_steps": most, "late": late}
@@ -229,7 +236,7 @@ class Provenance:
             steps = other.stats["n_steps"]
             if steps * span > most * (stepper.t - start):
                 return f"{_MORE} {most} steps"
-            return f"{_ACCURATE} takes longer than this run; check() makes it"
+            return _LONGER
         t = stepper.t + self.problem.system.frame.start
         return f"{_ACCURATE} ends at t = {t:g}: {other.status.sentence}"
 
@@ -320,7 +327,10 @@ def _warn(percent: float, steps: str, unknown: str, until: str) -> None:
     """Warn of errors in per cent of the solution's size, and of accurate runs of many steps."""
     text = ""
     if unknown.startswith(_MORE):
-        text = f"{unknown}, so {steps} do not resolve the solution: take rtol=, or more steps"
+        text = (
+            f"{unknown}, so {steps} hardly resolve the solution: errors{until} are about "
+            f"{percent:.2g} % of its size; take rtol=, or more steps"
+        )
     elif percent > 100 * _UNRELATED:
         text = (
             f"{steps} differ by {percent:.0f} % of the solution's size from {_ACCURATE}{until}: "

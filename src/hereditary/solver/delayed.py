@@ -450,6 +450,10 @@ class DelayedStepper(ResumableStepper, JumpingStepper):
         """Prepare the inner stepper for jumps of f, and of y if `of_y`."""
         self._inner.expect_jumps(of_y)
 
+    def limit_rows(self, most: int) -> None:
+        """Let the inner stepper make at most so many steps at once."""
+        self._inner.limit_rows(most)
+
     def set_y(self, y: np.ndarray) -> None:
         """Let y jump to these values, (d,)."""
         self._inner.set_y(y)

@@ -21,6 +21,11 @@ from .output import Kept, Output
 from .run import Drive, run
 from .solution import Solution
 
+# Number of values that a run computes between two looks at its time: 256 steps of 8 components.
+_NUMBERS = 2048
+# Least number of steps between two looks.
+_LEAST_ROWS = 8
+
 
 class Solved(NamedTuple):
     """A solution, the stepper that made it, and the times (k,) at which y jumped on the way.
@@ -77,7 +82,7 @@ class Problem:
         """Solve the problem by a scheme, from the start or from a state.
 
         `steps` are the arguments of `solve` that say how to step. ``late(stepper)`` is called
-        between parts of the run; it ends the run if it is True.
+        between parts of a run of `Collocation`; it ends the run if it is True.
         """
         began = time.perf_counter()
         system, hybrid, t_end = self.system, None, self.t_end - self.system.frame.start
@@ -88,6 +93,8 @@ class Problem:
             system = hybrid.system
         how = how_to_step(system, scheme, t_end, resume, history=history, **steps)
         stepper, stop = open_stepper(system, scheme, history, how, t_end, resume, allow_change)
+        if late is not None:
+            stepper.limit_rows(max(_LEAST_ROWS, _NUMBERS // system.d))
         stepper.set_breaks(self.breaks, t_end)
         signs = {} if resume is None else resume.event_signs
         if hybrid:

@@ -165,11 +165,9 @@ def solve(
         ``equation.replace(params=...)``. With `resume` the run continues with them, and the whole
         memory is kept.
     estimate : bool, optional
-        Estimate the error of a run with uniform steps of `ExplicitCaputo` or `GrunwaldLetnikov`,
-        ``stats["error_estimate"]``, by runs with a tenth and a twentieth of the steps. Where these
-        are unstable or differ by the size of the solution, runs with a half and a third double the
-        time. Runs with `breaks`, `changes` or switches have no estimate. With `rtol`, False leaves
-        out the warning of a missed force.
+        Estimate the error of a run on given steps, ``stats["error_estimate"]``, by a run of
+        `Collocation` to 1e-4 (docs/step.md). It calls the functions of the user again, also changes
+        of y. With `rtol`, False leaves out the warning of a missed force.
 
     Returns
     -------
@@ -182,6 +180,7 @@ def solve(
         - ``sol.success``, ``sol.status``, ``sol.message``: how the run ended; see `Status`.
         - ``sol.t_events``, ``sol.y_events``: times (k,) and rows (k, d) of each event function.
         - ``sol.stats``: a dict with counts, times and the error estimate.
+        - ``sol.check()``: the errors, from another run that is more accurate.
         - ``sol.state``: what ``resume=`` takes.
 
     Raises
@@ -194,9 +193,9 @@ def solve(
     Warns
     -----
     SolveWarning
-        The run ended early, but not by a terminal event or Ctrl-C. Or the estimated error of a
-        first-order run is above 5 % of the solution's size. Or runs with fewer steps differ by that
-        size. Or steps of `Collocation` miss a force that acts for a short time.
+        The run ended early, but not by a terminal event or Ctrl-C. Or the estimated error of given
+        steps is above 5 % of the solution's size. Or given steps do not resolve the solution. Or
+        steps of `Collocation` miss a force that acts for a short time.
     StabilityWarning
         The step exceeded the scheme's stability limit along the orbit, or the solution zigzags.
 
@@ -218,7 +217,9 @@ def solve(
     Cost
     ----
     Given steps: each has one evaluation of the right-hand side. The default history takes about 20
-    ns more for each component, and constant storage (convergence/memory_is_nearly_free.py).
+    ns more for each component, and constant storage (convergence/memory_is_nearly_free.py). The
+    estimate takes 1 to 3 ms for a few components (convergence/estimates.py). It is
+    given up when it takes longer than the run, and longer than 50 ms.
     `Collocation`: about 10 to 50 microseconds a step, but far fewer steps
     (convergence/collocation.py).
 

@@ -44,7 +44,7 @@ class State:
     event_signs : dict
         Sign of each event function just after `t`, by its digest.
     accurate : State or None
-        State of an accurate run at the same time, if one told the error of this one.
+        State of an accurate run at about the same time, by which the error is estimated.
     version : str
         Version of the library that made the state.
     layout : list
