@@ -4,7 +4,6 @@ import gc
 import os
 import signal
 import tempfile
-from contextlib import nullcontext
 from importlib.metadata import version
 from pathlib import Path
 from weakref import WeakSet
@@ -27,15 +26,6 @@ hypothesis.settings.register_profile("dev", deadline=None, max_examples=25)
 hypothesis.settings.load_profile("ci" if os.environ.get("CI") else "dev")
 
 
-@pytest.hookimpl(wrapper=True)
-def pytest_runtest_protocol(item):
-    """Tests that are not marked take coarse steps on purpose, and estimate no errors of runs."""
-    from hereditary.solver.accuracy import no_estimates
-
-    with nullcontext() if item.get_closest_marker("estimates") else no_estimates():
-        return (yield)
-
-
 @pytest.fixture
 def no_collection():
     """Keep Python from collecting: what is raised in hypothesis' hook of that is lost."""
@@ -56,3 +46,11 @@ def ctrl_c():
 def _untold(monkeypatch):
     """Let every test see the warnings that are given once."""
     monkeypatch.setattr("hereditary.functions.python_calls._warned", WeakSet())
+
+
+@pytest.fixture(autouse=True)
+def _estimates(request, monkeypatch):
+    """Let tests that are not marked take coarse steps on purpose, without estimates of errors."""
+    if not request.node.get_closest_marker("estimates"):
+        provenance = "hereditary.solver.accuracy.Provenance"
+        monkeypatch.setattr(f"{provenance}.with_error", lambda self, run: run.solution)

@@ -35,6 +35,7 @@ def test_public_names():
         assert getattr(hereditary, name).__doc__
 
 
+@pytest.mark.estimates
 @pytest.mark.parametrize("name", ["hereditary", *MODULES])
 def test_examples_in_docstrings(name):
     module = importlib.import_module(name)

@@ -223,3 +223,13 @@ def test_keywords_of_figures_of_tables():
 def test_axes_name_orders_and_parameters(axis, label):
     table = table_of({axis: [1.0, 2.0]}, exponent=[0.1, -0.1])
     assert hd.plots.lyapunov_spectrum(table).get_xlabel() == label
+
+
+def test_errors_are_drawn_relative_to_the_size_of_components(relaxation):
+    found = relaxation.check()
+    ax = hd.plots.errors(found)
+    assert np.array_equal(ax.lines[0].get_xdata(), found.t)
+    positive = found.relative[:, 0] > 0
+    assert np.array_equal(ax.lines[0].get_ydata()[positive], found.relative[positive, 0])
+    assert ax.get_yscale() == "log"
+    assert ax.lines[-1].get_ydata()[0] == found.rtol

@@ -50,7 +50,7 @@ class IMEX(Scheme):
     Examples
     --------
     >>> import hereditary as hd
-    >>> eq = hd.Equation(hd.Caputo(0.5), lambda t, y: -(y**3), [1.0], linear=[[-100.0]])
+    >>> eq = hd.Equation(hd.Caputo(0.5), lambda t, y: -(y**3), [1.0], linear=[[-1.0]])
     >>> sol = hd.solve(eq, 1.0, 1000, scheme=hd.IMEX(hd.BDF(2)))
     >>> sol.stats["n_rhs"], sol.stats["n_factorised"]
     (1000, 1)

@@ -135,7 +135,8 @@ def rossler(
     Examples
     --------
     >>> import hereditary as hd
-    >>> sol = hd.solve(hd.scenes.rossler(), 200.0, n_steps=40_000, scheme=hd.L2Sigma())
+    >>> how = {"n_steps": 40_000, "scheme": hd.L2Sigma(), "estimate": False}
+    >>> sol = hd.solve(hd.scenes.rossler(), 200.0, **how)
     >>> bool(sol.y[:, 0].min() > -11 and sol.y[:, 0].max() < 13)
     True
     """

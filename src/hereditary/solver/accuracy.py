@@ -186,16 +186,15 @@ class Provenance:
         found = self._accurate_or_why(solution, most)
         if isinstance(found, str):
             return _with_no_estimate(solution, found)
+        accuracy = self._compared(solution, found, _RTOL)
         unknown = self._lacking(found, most)
-        if not found.stepper.health.missed:
-            accuracy = self._compared(solution, found, _RTOL)
-            largest = float(accuracy.largest.max())
-            t = found.stepper.t + self.problem.system.frame.start
-            until = f" up to t = {t:g}" if unknown else ""
-            _warn(100 * largest, f"{n} steps of {self.scheme!r}", unknown, until)
+        if accuracy.t.size == 0:
+            unknown = "every row is at a jump of y"
+        elif not found.stepper.health.missed:
+            _warn(accuracy, f"{n} steps of {self.scheme!r}", unknown)
         if unknown:
             return _with_no_estimate(solution, unknown)
-        solution.stats["error_estimate"] = max(largest, _RTOL)
+        solution.stats["error_estimate"] = max(float(accuracy.largest.max()), _RTOL)
 
         def left() -> State:
             return replace(cast(State, solution.state), accurate=found.solution.state)
@@ -323,27 +322,31 @@ def _with_no_estimate(solution: Solution, why: str) -> Solution:
     return solution
 
 
-def _warn(percent: float, steps: str, unknown: str, until: str) -> None:
-    """Warn of errors in per cent of the solution's size, and of accurate runs of many steps."""
-    text = ""
+def _warn(accuracy: Accuracy, steps: str, unknown: str) -> None:
+    """Warn of large errors, and if an accurate run takes many steps.
+
+    `unknown` says why that run has not reached the end; it is empty if it has.
+    """
+    largest = float(accuracy.largest.max())
+    last, end = 100 * float(accuracy.at_end.max()), accuracy.t[-1]
+    end = f"at t = {end:.4g}, where that run ends" if unknown else "at the end"
+    errors = (
+        f"errors are about {100 * largest:.2g} % of the solution's size at t = "
+        f"{accuracy.worst[0]:.4g}, and {last:.2g} % {end}"
+    )
     if unknown.startswith(_MORE):
+        text = f"{unknown}, so {steps} hardly resolve the solution: {errors}"
+    elif largest > _UNRELATED:
         text = (
-            f"{unknown}, so {steps} hardly resolve the solution: errors{until} are about "
-            f"{percent:.2g} % of its size; take rtol=, or more steps"
+            f"{steps} differ from {_ACCURATE} by the size of the solution: they do not resolve it, "
+            "or it is chaotic, which it is if runs to rtol=1e-6 and rtol=1e-8 differ as much; "
+            f"{errors}"
         )
-    elif percent > 100 * _UNRELATED:
-        text = (
-            f"{steps} differ by {percent:.0f} % of the solution's size from {_ACCURATE}{until}: "
-            "they do not resolve it, or it is chaotic, which it is if runs to rtol=1e-6 and "
-            "rtol=1e-8 differ as much"
-        )
-    elif percent > 100 * _LARGE:
-        text = (
-            f"errors{until} are about {percent:.0f} % of the solution's size with {steps}: take "
-            "rtol=1e-6, or more steps"
-        )
-    if text:
-        warn(f"{text}; {_LEFT_OUT}", SolveWarning)
+    elif largest > _LARGE:
+        text = f"{errors}, with {steps}"
+    else:
+        return
+    warn(f"{text}; take rtol=1e-6, or more steps; {_LEFT_OUT}", SolveWarning)
 
 
 def _rows(n: int) -> np.ndarray:
