@@ -172,6 +172,18 @@ def test_a_map_and_what_collocation_refuses_have_no_estimate():
     assert "a run to rtol=1e-4 is not possible" in sol.stats["error_unknown"]
 
 
+def grows(t, y):
+    return y * y
+
+
+@pytest.mark.parametrize("t_eval", [None, [2.9, 3.0]])
+def test_steps_beyond_the_time_at_which_the_solution_ends_are_no_success_in_silence(t_eval):
+    sol, (seen,) = quietly(hd.Equation(hd.Caputo(1), grows, 1.0), 3.0, 10, t_eval=t_eval)
+    assert sol.success
+    assert sol.stats["error_estimate"] is None
+    assert "ends at t = 1: the solution stopped being finite, which 10 steps" in seen
+
+
 def test_a_chaotic_run_says_so_and_a_large_error_too():
     sol, (seen,) = quietly(hd.scenes.rossler(), 100.0, 20_000)
     assert "do not resolve it, or it is chaotic" in seen

@@ -188,8 +188,10 @@ class Provenance:
             return _with_no_estimate(solution, found)
         accuracy = self._compared(solution, found, _RTOL)
         unknown = self._lacking(found, most)
-        if accuracy.t.size == 0:
-            unknown = "every row is at a jump of y"
+        if found.solution.status is Status.BLOWN_UP:
+            warn(f"{unknown}, which {n} steps of {self.scheme!r} pass over", SolveWarning)
+        elif accuracy.t.size == 0:
+            unknown = unknown or "every row is at a jump of y"
         elif not found.stepper.health.missed:
             _warn(accuracy, f"{n} steps of {self.scheme!r}", unknown)
         if unknown:
@@ -284,8 +286,9 @@ class Provenance:
     def _compared(self, solution: Solution, found: Solved, rtol: float) -> Accuracy:
         """Return the differences of a solution from an accurate run, up to where that ends."""
         other, rows = found.solution, _rows(solution.t.size)
-        rows = rows[np.searchsorted(solution.t[rows], other.t[0]) :][: other.t.size]
-        apart, size = solution.y[rows] - other.y, np.abs(other.y).max(axis=0)
+        first = np.searchsorted(solution.t[rows], other.t[:1].min(initial=np.inf))
+        rows = rows[first:][: other.t.size]
+        apart, size = solution.y[rows] - other.y, np.abs(other.y).max(axis=0, initial=0.0)
         size = np.maximum(size, _SMALL * size.max())
         same = self._outside_jumps(other.t, found.jumps) if found.jumps.size else slice(None)
         return Accuracy(other.t[same], apart[same], size, rtol, other.stats["n_steps"])
