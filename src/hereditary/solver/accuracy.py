@@ -27,7 +27,7 @@ from ..support.html import paragraph, table_html
 from ..support.warning import ThreadSwitch, silence, warn
 from .opening import chooses_steps
 from .output import Kept
-from .problem import Problem, Solved
+from .problem import Problem, Outcome
 from .solution import Solution
 
 # Tolerance of the accurate run of an estimate: ten times as much would leave errors of 1e-3, which
@@ -173,7 +173,7 @@ class Provenance:
     resume: State | None
     allow_change: bool
 
-    def with_error(self, run: Solved) -> Solution:
+    def with_error(self, run: Outcome) -> Solution:
         """Return the solution of a run with its estimated error, or the reason why it is unknown.
 
         Warns if the error is large, and if the run is not resolved.
@@ -203,7 +203,7 @@ class Provenance:
 
         return replace(solution, accuracy=accuracy, left=left)
 
-    def _accurate_or_why(self, solution: Solution, most: int) -> Solved | str:
+    def _accurate_or_why(self, solution: Solution, most: int) -> Outcome | str:
         """Return an accurate run of at most `most` steps, or why there is none."""
         if self.scheme.is_map:
             return "the equation is a map, whose steps have no error"
@@ -221,7 +221,7 @@ class Provenance:
         except Exception as error:  # of arguments that Collocation refuses, or of user's functions
             return f"{_ACCURATE} is not possible: {error}"
 
-    def _lacking(self, found: Solved, most: int) -> str:
+    def _lacking(self, found: Outcome, most: int) -> str:
         """Return why an accurate run does not tell the error; empty if it does."""
         other, stepper = found.solution, found.stepper
         if stepper.health.missed:
@@ -271,7 +271,7 @@ class Provenance:
         *,
         late: Callable[[ResumableStepper], bool] | None = None,
         **steps: Any,
-    ) -> Solved:
+    ) -> Outcome:
         """Solve the problem of a solution by a tolerance, with rows at the times to compare."""
         problem = self.problem
         events = tuple(map(_endless, filter(_changes, problem.events)))
@@ -283,7 +283,7 @@ class Provenance:
         how: Any = {"resume": state, "allow_change": self.allow_change, "late": late}
         return problem.solved(scheme, Kept(1, t, self.components), **how, **steps)
 
-    def _compared(self, solution: Solution, found: Solved, rtol: float) -> Accuracy:
+    def _compared(self, solution: Solution, found: Outcome, rtol: float) -> Accuracy:
         """Return the differences of a solution from an accurate run, up to where that ends."""
         other, rows = found.solution, _rows(solution.t.size)
         first = np.searchsorted(solution.t[rows], other.t[:1].min(initial=np.inf))

@@ -27,7 +27,7 @@ _NUMBERS = 2048
 _LEAST_ROWS = 8
 
 
-class Solved(NamedTuple):
+class Outcome(NamedTuple):
     """A solution, the stepper that made it, and the times (k,) at which y jumped on the way.
 
     Times count from the start of the equation.
@@ -78,7 +78,7 @@ class Problem:
         progress: bool = False,
         late: Callable[[ResumableStepper], bool] | None = None,
         **steps: Any,
-    ) -> Solved:
+    ) -> Outcome:
         """Solve the problem by a scheme, from the start or from a state.
 
         `steps` are the arguments of `solve` that say how to step. ``late(stepper)`` is called
@@ -104,4 +104,4 @@ class Problem:
         output = Output(stepper, stop, kept, found)
         march = partial(hybrid.march, output) if hybrid else Drive.to
         solution = run(stepper, stop, self.t_end, output, progress, began, march, late)
-        return Solved(solution, stepper, np.array(output.jumps))
+        return Outcome(solution, stepper, np.array(output.jumps))
