@@ -27,7 +27,7 @@ from ..support.html import paragraph, table_html
 from ..support.warning import ThreadSwitch, silence, warn
 from .opening import chooses_steps
 from .output import Kept
-from .problem import Problem, Outcome
+from .problem import Outcome, Problem
 from .solution import Solution
 
 # Tolerance of the accurate run of an estimate: ten times as much would leave errors of 1e-3, which
