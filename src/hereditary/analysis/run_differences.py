@@ -14,6 +14,7 @@ from ..compiled.jacobian import LEAST
 from ..equation.equation import Equation
 from ..equation.statement import factors_of, left_side
 from ..equation.system import leading_orders
+from ..solver.accuracy import no_estimates
 from ..solver.opening import chooses_steps
 from ..solver.progress import ProgressBar
 from ..solver.solution import Solution
@@ -218,7 +219,8 @@ class RunDifferences:
         return rows
 
     def _solved(self, equation: Equation) -> Solution:
-        found = solve(equation, self._t_last, t_eval=self._times, **self._how)
+        with no_estimates():
+            found = solve(equation, self._t_last, t_eval=self._times, **self._how)
         self._made += 1
         self._bar.update(min(self._made / self.n_runs, 1.0))
         if found.status is Status.INTERRUPTED:
