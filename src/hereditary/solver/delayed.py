@@ -24,7 +24,7 @@ from ..stepping.times import ONE_TIME, together
 from ..support.checks import refuse
 from ..support.warning import warn
 from .events import bracketed_root
-from .piecewise import LEAST_SIZE, Accuracy, Piecewise, piecewise, to_polynomials
+from .piecewise import LEAST_SIZE, FitTolerance, Piecewise, piecewise, to_polynomials
 
 # Points in [-1, 1], the interval of a polynomial, at which it is compared with the solution.
 _LOOKS = np.array([-0.95, -0.4, 0.15, 0.8])
@@ -116,11 +116,11 @@ class DelayedStepper(ResumableStepper, JumpingStepper):
         self._roots = self._first_roots()
         self._reach()
 
-    def _accuracy(self, tol: float, low: float, high: float) -> Accuracy:
+    def _fit_tolerance(self, tol: float, low: float, high: float) -> FitTolerance:
         """Return the accuracy with which a function of the user is met between two times."""
         orders = self.system.highest_orders()[: self.system.n_solved]
         largest = max(abs(self._origin + low), abs(self._origin + high), high - low)
-        return Accuracy(tol, min(float(orders.min()), 1.0), 64 * np.spacing(largest))
+        return FitTolerance(tol, min(float(orders.min()), 1.0), 64 * np.spacing(largest))
 
     def _corners_of(self, delay: Delayed, tol: float) -> list[tuple[float, float]]:
         """Return kinks of tau(t), and their exponents; refuse a tau that grows faster than t."""
@@ -135,7 +135,7 @@ class DelayedStepper(ResumableStepper, JumpingStepper):
 
         first = float(delay.taus(np.array([start]))[0])
         many = np.clip(_FOR_EACH * (end - start) / first, _SAMPLES, _MOST_SAMPLES)
-        found = piecewise(tau, start, end, int(many), self._accuracy(tol, start, end))
+        found = piecewise(tau, start, end, int(many), self._fit_tolerance(tol, start, end))
         times, taus = (np.concatenate(part) for part in zip(*seen, strict=True))
         times, order = np.unique(times, return_index=True)
         taus = taus[order]
@@ -159,7 +159,7 @@ class DelayedStepper(ResumableStepper, JumpingStepper):
         first = float(delay.ago(np.array([self._inner.t]))[0])
         if not callable(delay.past.delay.past) or first >= 0:
             return None
-        found = piecewise(delay.before, first, 0.0, _SAMPLES, self._accuracy(tol, first, 0.0))
+        found = piecewise(delay.before, first, 0.0, _SAMPLES, self._fit_tolerance(tol, first, 0.0))
         if found.missed:
             warn(
                 f"the past of a delay varies too fast: at t = {found.where + self._origin:g} it is "

@@ -35,7 +35,7 @@ _RESTS = 8 * np.finfo(float).eps
 LEAST_SIZE = 1e-300
 
 
-class Accuracy(NamedTuple):
+class FitTolerance(NamedTuple):
     """How accurately polynomials meet a function.
 
     - tol: largest difference, as a fraction of the largest value of a component.
@@ -90,7 +90,7 @@ def piecewise(
     low: float,
     high: float,
     n_samples: int,
-    accuracy: Accuracy,
+    tolerance: FitTolerance,
 ) -> Piecewise:
     """Return a function between two times as polynomials.
 
@@ -102,12 +102,12 @@ def piecewise(
     n_samples : int
         Number of equidistant times at which the polynomials are compared with the function.
         Features narrower than their distance may be missed.
-    accuracy : Accuracy
+    tolerance : FitTolerance
     """
     spacing = (high - low) / n_samples
     times = low + spacing * (np.arange(n_samples) + 0.5)
     samples, ends = (times, function(times)), np.array([low, high])
-    fit = _fitted(function, ends, samples, accuracy)
+    fit = _fitted(function, ends, samples, tolerance)
     which = _brackets(fit, _SHORT * spacing) if fit.complete else np.zeros(0, np.int64)
     kinks, exponents = np.zeros(0), np.zeros(0)
     if which.size:
@@ -115,12 +115,12 @@ def piecewise(
         kinks = _crossings(fit, which - 1, which + 1)
         corners = (a <= kinks) & (kinks <= b)
         kinks = np.where(corners, kinks, _located(function, a, b))
-        fit = _fitted(function, np.unique([low, *kinks, high]), samples, accuracy)
+        fit = _fitted(function, np.unique([low, *kinks, high]), samples, tolerance)
         right = np.searchsorted(fit.low, kinks)
         nearer = _crossings(fit, right - 1, right)
         corners &= np.abs(nearer - kinks) <= _NEARER * (b - a)
         kinks, exponents = np.where(corners, nearer, kinks), np.where(corners, 1.0, 0.0)
-        fit = _fitted(function, np.unique([low, *kinks, high]), samples, accuracy)
+        fit = _fitted(function, np.unique([low, *kinks, high]), samples, tolerance)
     worst = int(np.argmax(fit.missed))
     missed = 0.0 if fit.complete else float(fit.missed[worst])
     edges = np.append(fit.low, fit.high[-1])
@@ -132,10 +132,10 @@ def _fitted(
     function: Callable[[np.ndarray], np.ndarray],
     edges: np.ndarray,
     samples: tuple[np.ndarray, np.ndarray],
-    accuracy: Accuracy,
+    tolerance: FitTolerance,
 ) -> _Fit:
     """Return polynomials between edges; intervals are cut where a polynomial is not accurate."""
-    (times, known), tol, span = samples, accuracy.tol, edges[-1] - edges[0]
+    (times, known), tol, span = samples, tolerance.tol, edges[-1] - edges[0]
     short = _SHORT * span / times.size
     sizes = np.maximum(np.abs(known).max(axis=0), LEAST_SIZE)
     low, high, complete = edges[:-1], edges[1:], True
@@ -154,8 +154,8 @@ def _fitted(
         apart = np.abs(np.einsum("kj,kdj->kd", powers, polynomials[i]) - known[inside])
         np.maximum.at(missed, i, (apart / sizes).max(axis=1))
         length = high - low
-        counts = (length > short) | (missed * (length / span) ** accuracy.order > tol)
-        rough = (missed > tol) & counts & (length > accuracy.least)
+        counts = (length > short) | (missed * (length / span) ** tolerance.order > tol)
+        rough = (missed > tol) & counts & (length > tolerance.least)
         n_found = sum(part[0].size for part in found)
         if n_found + 2 * low.size > _MOST_INTERVALS:
             complete, rough = complete and not rough.any(), np.zeros_like(rough)
