@@ -37,6 +37,8 @@ _SHARE = 1e-2
 _INCREMENTS = 1e-5, 1e-9
 # Ratio of the slopes at these increments from which a slope is infinite: it is 2.5 for y^0.9.
 _STEEPER = 2.0
+# Ratio of the changes of f over these increments from which f jumps: it is 0.4 for y^0.1.
+_STEEPEST = 0.5
 
 
 def begins_at_edge(system, t, y, units, jacobian):
@@ -57,7 +59,7 @@ def begins_at_edge(system, t, y, units, jacobian):
             with np.errstate(all="ignore"):
                 sides = np.abs([system.force(t, y + sign * moved) - f for sign in (1, -1)])
             rows.append(np.where(np.isfinite(sides), sides, 0.0).max(axis=0))
-        infinite = rows[1] > _STEEPER * near / far * rows[0]
+        infinite = (_STEEPER * near / far * rows[0] < rows[1]) & (rows[1] < _STEEPEST * rows[0])
         if np.any(infinite & (force < rows[0])):
             return True
     return False

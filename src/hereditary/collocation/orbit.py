@@ -275,24 +275,26 @@ class OrbitAndTangents:
         for row, (c, q, k, coefficient) in enumerate(self._form.listed):
             if k == ITSELF:
                 continue
-            kernel, of_rest = self._over_last_step(k, np.exp(log_u), v)
+            kernel, of_rest = self._over_last_step(k, log_u, v)
             offset, j = self._last_offsets[:, row, None], c % self.x.shape[1]
             part = (integrands[:, q, j] - offset) @ (weights * kernel).T
             part += (self._ends(q)[:, j, None] - offset) * of_rest
             base[:, c] += coefficient * part
         return base
 
-    def _over_last_step(self, k, u, v):
+    def _over_last_step(self, k, log_u, v):
         """Return the kernel of order or kernel number k at lags u + v, (n, K), in last steps.
 
         Also returns its integrals from u to u + `LEFT_OUT`, (n,). Both are multiplied by the length
         of the last step. The lags u (n,) and v (K,) are over this length.
         """
-        lags, ends, h = np.add.outer(u, v), np.add.outer([LEFT_OUT, 0.0], u), self.last_length
+        u, h = np.exp(log_u), self.last_length
+        lags, ends = np.add.outer(u, v), np.add.outer([LEFT_OUT, 0.0], u)
         if k < self._form.orders.size:
             a = self._form.orders[k]
-            powers, integrals = lags ** (a - 1), ends**a / a
-            return h**a * rgamma(a) * powers, h**a * rgamma(a) * (integrals[0] - integrals[1])
+            # u may be below all numbers where u**a is not small
+            of_rest = (ends[0] ** a - np.exp(a * log_u)) / a
+            return h**a * rgamma(a) * lags ** (a - 1), h**a * rgamma(a) * of_rest
         kernel = self.kernel(k - self._form.orders.size)
         integrals = kernel.integral(np.maximum(h * ends, NEXT_TO_0))
         return h * kernel(np.maximum(h * lags, NEXT_TO_0)), integrals[0] - integrals[1]
