@@ -248,3 +248,32 @@ def test_tiny_orders_beside_orders_just_above_1():
     t = sol.t[1] * np.geomspace(1e-14, 1.0, 40)
     right = 1.0 - rate * resting * t**order / gamma(1 + order)
     assert np.abs(sol(t)[:, 0] - right).max() < 1e-8
+
+
+@pytest.mark.parametrize("gap", [1e-6, 1e-5, 1e-4, 1e-3, 3e-3])
+@pytest.mark.parametrize("rate", [0.7, 3.0, 300.0, 1e4])
+def test_orders_that_nearly_meet(gap, rate):
+    """D^(1 + gap) x + rate x' = 0 is a relaxation of x', most of it before t = 1e-300."""
+    equation = proportional(hd.Caputo(1 + gap) + rate * hd.Caputo(1.0), 0.0, [1.0, 0.5])
+    rtol = 1e-7
+    sol = hd.solve(equation, 1.0, rtol=rtol)
+    assert sol.success, sol.message
+    t = np.append(sol.t[1] * np.geomspace(1e-12, 1.0, 13), np.geomspace(1e-9, 1.0, 30))
+    speed = 0.5 * exact.relaxation((1 + gap) - 1.0, rate)(t)[:, 0]
+    assert np.all(np.abs(sol(t, 1)[:, 0] - speed) <= rtol * (speed + 0.01 * 0.5))
+
+
+def test_orders_around_1_that_no_first_step_resolves():
+    """Orders 1.00001 and 0.99 need a loose tolerance, and the status names their distance from 1.
+
+    At a tight tolerance, no power of time is linear for both exponents 1e-5 and 0.01001.
+    """
+    parameters = (1.00001, 0.99, 3.0, 1.0, 1.0, 0.5)
+    equation, t = hd.scenes.oscillator(*parameters), np.linspace(0.0, 1.0, 20)
+    sol = hd.solve(equation, 1.0, rtol=1e-3)
+    assert sol.success, sol.message
+    assert np.abs(sol(t) - exact.oscillator(*parameters)(t)).max() <= 1e-3
+    with pytest.warns(hd.SolveWarning, match="1e-05 from another one or from an integer"):
+        sol = hd.solve(equation, 1.0, rtol=1e-7)
+    assert sol.status is hd.Status.STEP_TOO_SMALL
+    assert sol.t.tolist() == [0.0]

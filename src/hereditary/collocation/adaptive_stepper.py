@@ -23,7 +23,15 @@ from ..stepping.stepper import Health, JumpingStepper, ResumableStepper, Tangent
 from ..stepping.times import breaks_ahead
 from ..support.checks import refuse
 from .algebraic import became_singular, settle_tangents, settled
-from .endings import OUTSIDE, SINGULAR_ROWS, TOO_STEEP, UNSOLVED, ending, leaves_domain
+from .endings import (
+    OUTSIDE,
+    SINGULAR_ROWS,
+    TOO_STEEP,
+    UNSOLVED,
+    ending,
+    leaves_domain,
+    of_near_orders,
+)
 from .equations import integral_form
 from .error_estimate import SMALL, raise_small_once
 from .first_rule import convolutions, first_rule
@@ -45,7 +53,7 @@ from .orbit import OrbitAndTangents, initial_unknowns
 from .pieces import FirstPiece, PolynomialPieces
 from .quadrature import radau_nodes, rule_of, shortened_legendre
 from .reading import Plain, Reading, is_read
-from .singular_start import trials
+from .singular_start import VANISHING, trials
 from .stage_solver import has_stages, stage_solver
 from .structures import (
     AT_EDGE,
@@ -471,6 +479,8 @@ class AdaptiveStepper(ResumableStepper, TangentStepper, JumpingStepper):
         speed = np.where(form.second == 1, orbit.p[0], self._marched.force(t, orbit.x[0]))
         if leaves_domain(self._marched, t, orbit.x[0], left * speed):
             self._ending = OUTSIDE
+        elif self._ending is TOO_STEEP and not form.kernels and form.generators[0] < VANISHING:
+            self._ending = of_near_orders(form.generators[0])
         return None
 
     def _try_step(self, h, variable, t_stop, at_edge):

@@ -79,6 +79,15 @@ def _forces_ahead(system, t, h, y):
     return np.array([system.force(*point) for point in ahead])
 
 
+def of_near_orders(gap):
+    """Return the reason why no first step was found, for an equation with two orders so close."""
+    why = (
+        f"an order is {gap:.1g} from another one or from an integer, so that the solution bends "
+        "within 1e-300 of this time: make these orders equal"
+    )
+    return TOO_STEEP._replace(detail=f"{_ROUNDS}; {why}")
+
+
 def leaves_domain(system, t, y, move):
     """Return whether f is infinite or NaN at all test points between y and y + move, (d,) each."""
     points = [y + share * move for share in _SHARES]

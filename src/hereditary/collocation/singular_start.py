@@ -12,7 +12,7 @@ import numpy as np
 from ..compiled.linalg import eigenvalues
 from .edge import begins_at_edge
 from .first_rule import Variable
-from .operators import FORCE
+from .operators import FORCE, PRIMARY
 from .stage_solver import has_stages
 
 # Ratio of the next trial length to the length of a rejected trial step.
@@ -20,10 +20,15 @@ _SHORTER = 0.25
 # Generator below which time to this power is not small for any possible step. A variable u that is
 # bent by a rate c is tried then.
 _TINY = 0.12
+# Rate c from which a variable u is bent.
+_LEAST_BENT = 0.5
 # Number of trial lengths in a variable u that is bent by a rate c, before all trials with c = 0.
 _BENT_TRIALS = 12
+# Ratio of successive trial lengths in a variable u that is bent by a term of the equation. These
+# trials end at the shortest possible step: orders 1.00001 and 1 need one of 1e-59.
+_MUCH_SHORTER = 0.25**4
 # Exponent below which a power of time hardly changes between 1e-300 and 1.
-_VANISHING = 1e-3
+VANISHING = 1e-3
 # Longest first step after a break, in lengths of the step before the break. An earlier singularity
 # may be as close as that step is long.
 _OF_LAST = 100.0
@@ -74,19 +79,23 @@ def trials(system, form, orbit, t, left, longest, least, counts, units):
     rates = _decay_rates(jacobian) if smallest < _TINY else np.zeros(0)
     for h in most * _SHORTER ** np.arange(_BENT_TRIALS if rates.size else 0):
         c = math.sqrt(rates[0] * rates[-1]) * h**smallest
-        if c >= 0.5:
-            yield Trial(h, Variable.of(form.generators, 2.0 ** round(math.log2(c))))
+        if c >= _LEAST_BENT:
+            yield Trial(h, _bent(form.generators, c))
     rate, order = _rate(system, form, orbit, jacobian, just_after), _order(form)
     # over the first trial step the solution changes by about half of its size
     first = most if rate * most**order < 0.5 else (0.5 / rate) ** (1 / order)
     # a power with an exponent next to 0 is nearly constant compared with other powers
-    others = tuple(g for g in form.generators if g >= _VANISHING)
+    others = tuple(g for g in form.generators if g >= VANISHING)
     kinds = {form.generators, others if others[0] < 1.0 else form.generators}
     for generators in sorted(kinds):
         h = first
         while t + h > t and h > least:
             yield Trial(h, Variable.of(generators))
             h *= _SHORTER
+        h, rate = most, _rate_of_terms(form, generators[0])
+        while rate * h ** generators[0] >= _LEAST_BENT and t + h > t and h > least:
+            yield Trial(h, _bent(generators, rate * h ** generators[0]))
+            h *= _MUCH_SHORTER
 
 
 def _trials_at_edge(system, form, most, *at):
@@ -109,6 +118,24 @@ def _decay_rates(jacobian):
         return np.zeros(0)
     rates = np.abs(eigenvalues(jacobian))
     return np.sort(rates[(rates >= 1) & (rates < np.inf)])
+
+
+def _bent(generators, c):
+    """Return the variable that is bent by about c, the nearest power of 2."""
+    return Variable.of(generators, 2.0 ** round(math.log2(c)))
+
+
+def _rate_of_terms(form, exponent):
+    """Return the rate of terms that are integrals of p of this small order; 0 if there are none.
+
+    With orders 1.00001 and 1, y' is nearly y'(0) / (1 + c t**1e-5). The rate is the ratio c of the
+    coefficients.
+    """
+    powers = (form.terms["index"] >= 0) & (form.terms["index"] < form.orders.size)
+    terms = form.terms[powers & (form.terms["integrand"] == PRIMARY)]
+    terms = terms[np.isclose(form.orders[terms["index"]], exponent, rtol=1e-9, atol=0.0)]
+    rates = np.abs(terms["coefficient"])
+    return math.sqrt(rates.min() * rates.max()) if rates.size and exponent < _TINY else 0.0
 
 
 def _order(form):
