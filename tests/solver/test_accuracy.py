@@ -184,6 +184,24 @@ def test_steps_beyond_the_time_at_which_the_solution_ends_are_no_success_in_sile
     assert "ends at t = 1: the solution stopped being finite, which 10 steps" in seen
 
 
+def turns(t, y, dy, p):
+    dy[0] = p[0] * y[0] + p[1] * y[1]
+    dy[1] = p[0] * y[1] - p[1] * y[0]
+
+
+@pytest.mark.parametrize("scheme", [hd.Adams(2), hd.Adams(3)], ids=str)
+def test_steps_that_make_a_decaying_solution_grow_are_no_success_in_silence(scheme):
+    """At order 0.16, with |rate| h**order about 1, both schemes are unstable."""
+    eq = hd.Equation(hd.Caputo(0.16), turns, [6.8, 6.4], params=(-1.2, 1.4))
+    sol, (seen,) = quietly(eq, 5.6, 165, scheme=scheme)
+    assert np.abs(sol.y).max() > 100.0
+    if sol.success:
+        assert "differ from a run to rtol=1e-4 by the size of the solution" in seen
+        assert sol.stats["error_estimate"] > 1.0
+    else:
+        assert "beyond the stability limit" in seen
+
+
 def test_a_chaotic_run_says_so_and_a_large_error_too():
     sol, (seen,) = quietly(hd.scenes.rossler(), 100.0, 20_000)
     assert "do not resolve it, or it is chaotic" in seen
