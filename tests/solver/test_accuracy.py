@@ -102,7 +102,7 @@ def test_estimates_know_what_acts_on_the_way(how):
     if "n_steps" in how and jumps[0].size:  # rows between both times of a jump are not compared
         for first, last in np.sort(jumps, axis=0).T:
             apart &= (sol.t < first - 1e-9) | (sol.t > last + 1e-9)
-    off = np.abs(sol.y - truth(sol.t))[apart].max() / np.abs(truth(sol.t)).max()
+    off = np.abs(sol.y - truth(sol.t))[apart].max() / np.abs(truth.y).max()
     assert 0.9 * off <= sol.stats["error_estimate"] <= max(1.1 * off, KNOWN)
     assert not seen
 
@@ -114,6 +114,34 @@ def test_a_delay_is_known():
     eq = hd.Equation(hd.Caputo(0.9), late, [1.0], memory=hd.Delay(1.0))
     sol, _ = quietly(eq, 8.0, 200)
     assert_true(sol, hd.solve(eq, 8.0, rtol=1e-9)(sol.t))
+
+
+def spring(t, y):
+    return -y
+
+
+@pytest.mark.parametrize(
+    ("order", "y0", "t_end", "rows"),
+    [(2, [1.0, 0.0], 10.0, [np.pi / 2]), (1, [1.0], 30.0, [29.0, 30.0])],
+    ids=["zero", "tail"],
+)
+def test_chosen_rows_where_the_solution_is_small_have_the_error_of_its_size(order, y0, t_end, rows):
+    """A run to 1e-4 does not know these values of y, 0 and 1e-13, relative to themselves."""
+    eq = hd.Equation(hd.Caputo(order), spring, y0)
+    sol, seen = quietly(eq, t_end, 10_000, scheme=hd.BDF(2), t_eval=rows)
+    assert sol.stats["error_estimate"] == 1e-4
+    assert not seen
+    np.testing.assert_allclose(sol.accuracy.size, 1.0, rtol=0.01)
+    np.testing.assert_allclose(sol.check().size, 1.0, rtol=0.01)
+
+
+def test_an_accurate_run_that_misses_all_of_a_force_is_no_proof():
+    def pulse(t, y):
+        return (100.0 if 3.0 < t < 3.02 else 0.0) - y
+
+    sol, seen = quietly(hd.Equation(hd.Caputo(0.9), pulse, 0.0), 100.0, 20_000)
+    assert sol.stats["error_estimate"] == 1.0
+    assert len(seen) == 1
 
 
 @pytest.mark.parametrize("stored", [False, True])
@@ -137,6 +165,33 @@ def test_a_run_after_one_without_an_estimate_has_none():
     stats = hd.solve(equation(), 8.0, resume=first.state).stats
     assert stats["error_estimate"] is None
     assert stats["error_unknown"] == "the run that this one resumes has no estimate"
+
+
+def half(t, y):
+    return y[0] - 0.6
+
+
+half.terminal = True
+
+
+def test_a_run_goes_on_with_its_estimate_after_an_event_has_ended_it():
+    eq = equation(params=(1.0, 0.0, 1.0))
+    first, _ = quietly(eq, 5.0, 100, events=half)
+    assert first.t[-1] < 0.5
+    rest, _ = quietly(eq, 5.0, resume=first.state)
+    assert_true(rest, hd.solve(eq, 5.0, rtol=1e-9)(rest.t))
+
+
+def test_reasons_are_about_the_run():
+    eq = equation()
+    stats = hd.solve(eq, 5.0, 100, t_eval=[0.0]).stats
+    assert stats["error_unknown"] == "no row is after the start"
+    stats = hd.solve(eq, 30.0, resume=hd.solve(eq, 1.0, 100).state).stats
+    assert stats["error_unknown"].endswith("the end of its history, got a run to 30.0")
+    sol, _ = quietly(hd.Equation(hd.Caputo(1), grows, 1.0), 3.0, 60)
+    assert not sol.success
+    assert sol.stats["error_estimate"] is None
+    assert "no success" in sol.stats["error_unknown"]
 
 
 def table(t, y, p):
@@ -288,6 +343,9 @@ def test_a_solution_can_be_checked(how):
 def test_what_cannot_be_checked_is_refused(tmp_path):
     eq = equation()
     sol = hd.solve(eq, 4.0, 100)
+    assert hd.solve(eq, 4.0, 100, t_eval=[4.0]).check().t == [4.0]
+    with pytest.raises(ValueError, match="have a row after the start"):
+        hd.solve(eq, 4.0, 100, t_eval=[0.0]).check()
     for other in (pickle.loads(pickle.dumps(sol)), hd.solve(eq, 8.0, resume=sol.state)):
         with pytest.raises(ValueError, match="solution must be one"):
             other.check()

@@ -586,6 +586,11 @@ class AdaptiveStepper(ResumableStepper, TangentStepper, JumpingStepper):
         return self._view.values(errors, errors)[0]
 
     @property
+    def sizes(self):
+        """Largest |y| of each component since t = 0, (d,)."""
+        return self._view.values(self._state.sizes, self._state.sizes)[0]
+
+    @property
     def ydot(self):
         """First derivative at the present time `t`, shape (d,); NaN if y' is no unknown."""
         return self._view.values(self._orbit.x[0], self._orbit.p[0])[1]

@@ -87,8 +87,9 @@ class Accuracy:
     error : ndarray, shape (k, d)
         Rows of the run minus those of the accurate run, in units of y.
     size : ndarray, shape (d,)
-        Largest abs(y) of each component of the accurate run in these rows, at least a millionth of
-        that of the largest component.
+        Largest abs(y) of each component of the accurate run: in these rows, or from t_start on if
+        the run has fewer rows than steps. It is at least a millionth of that of the largest
+        component. Where the accurate run is 0, it is the largest abs(y) of the run itself.
     rtol : float
         Tolerance of the accurate run. Relative errors below it are not known.
     n_steps : int
@@ -179,9 +180,11 @@ class Provenance:
         Warns if the error is large, and if the run is not resolved.
         """
         solution = run.solution
-        if _off.value or not solution.success or chooses_steps(self.scheme):
+        if _off.value or chooses_steps(self.scheme):
             return solution
-        n = solution.stats["n_steps"] - (0 if self.resume is None else self.resume.how.n)
+        if not solution.success:
+            return _with_no_estimate(solution, "the run has no success, as its message says")
+        n = self._steps(solution)
         most = max(_FEWEST, n // _RESOLVED)
         found = self._accurate_or_why(solution, most)
         if isinstance(found, str):
@@ -207,6 +210,8 @@ class Provenance:
         """Return an accurate run of at most `most` steps, or why there is none."""
         if self.scheme.is_map:
             return "the equation is a map, whose steps have no error"
+        if not self._has_rows(solution):
+            return "no row is after the start"
         if self.resume is not None and self.resume.accurate is None:
             return "the run that this one resumes has no estimate"
         seconds = solution.stats["setup_seconds"] + solution.stats["run_seconds"]
@@ -217,9 +222,12 @@ class Provenance:
         try:
             with silence():
                 how: Any = {"rtol": _RTOL, "max_steps": most, "late": late}
-                return self._accurate(solution, Collocation(), **how)
+                # an event may have ended the run; another run may resume it
+                horizon = self.problem.t_end - self.problem.system.frame.start
+                return self._accurate(solution, Collocation(horizon=horizon), **how)
         except Exception as error:  # of arguments that Collocation refuses, or of user's functions
-            return f"{_ACCURATE} is not possible: {error}"
+            refused = str(error).partition("; ")[0]  # without the remedy, which is for another run
+            return f"{_ACCURATE} is not possible: {refused}"
 
     def _lacking(self, found: Outcome, most: int) -> str:
         """Return why an accurate run does not tell the error; empty if it does."""
@@ -248,8 +256,9 @@ class Provenance:
             refuse("solution", required, f"one resumed at t = {solution.t[0]:g}", "solve it anew")
         if self.scheme.is_map:
             refuse("solution", "have errors of steps", "one of a map")
-        if solution.t.size < 2:
-            refuse("solution", "have two rows", f"{solution.t.size}", solution.message)
+        if not self._has_rows(solution):
+            required, got = "have a row after the start", f"{solution.t.size} rows"
+            refuse("solution", required, got, solution.message)
         scheme, atol = Collocation(), None
         if isinstance(self.scheme, Collocation):
             own = cast(State, solution.state).how
@@ -288,10 +297,32 @@ class Provenance:
         other, rows = found.solution, _rows(solution.t.size)
         first = np.searchsorted(solution.t[rows], other.t[:1].min(initial=np.inf))
         rows = rows[first:][: other.t.size]
-        apart, size = solution.y[rows] - other.y, np.abs(other.y).max(axis=0, initial=0.0)
+        y = solution.y[rows]
+        apart, size = y - other.y, self._sizes(solution, found)
+        if not size.any():
+            size = np.abs(y).max(axis=0, initial=0.0)
         size = np.maximum(size, _SMALL * size.max())
         same = self._outside_jumps(other.t, found.jumps) if found.jumps.size else slice(None)
         return Accuracy(other.t[same], apart[same], size, rtol, other.stats["n_steps"])
+
+    def _has_rows(self, solution: Solution) -> bool:
+        """Return whether a solution has rows after the start of its equation."""
+        return bool(np.any(solution.t[-1:] > self.problem.system.frame.start))
+
+    def _steps(self, solution: Solution) -> int:
+        """Return the number of steps of a solution, from the state on if it was resumed."""
+        before = 0 if self.resume is None else self.resume.how.n
+        return solution.stats["n_steps"] - before
+
+    def _sizes(self, solution: Solution, found: Outcome) -> np.ndarray:
+        """Return the largest |y| of each component of an accurate run, (d,), as in `Accuracy`."""
+        size = np.abs(found.solution.y).max(axis=0, initial=0.0)
+        if solution.t.size > self._steps(solution):
+            return size
+        # chosen rows may all be next to a zero of y, where the accurate run has no relative error
+        whole = self.problem.system.frame.values(cast(Any, found.stepper).sizes)
+        whole = np.maximum(np.abs(whole.real), np.abs(whole.imag))
+        return np.maximum(size, whole if self.components is None else whole[self.components])
 
     def _outside_jumps(self, times: np.ndarray, others: np.ndarray) -> np.ndarray:
         """Return which times are not between a jump of this run and that of the accurate run."""

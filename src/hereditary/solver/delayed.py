@@ -379,6 +379,7 @@ class DelayedStepper(ResumableStepper, JumpingStepper):
     ydot = property(lambda self: self._inner.ydot)
     health = property(lambda self: self._inner.health)
     uncertainty = property(lambda self: self._inner.uncertainty)
+    sizes = property(lambda self: self._inner.sizes)
 
     @property
     def trouble(self) -> Ending | None:

@@ -67,7 +67,7 @@ class Solution:
           relative to the size of y, and at least rtol / 10. It also contains what errors of the
           modes and rounding errors add up to if nothing damps them. With given steps, the largest
           difference of a row from a run of `Collocation` to 1e-4, relative to the size of its
-          component. It is the error of the run wherever it is above 2e-4
+          component (see `Accuracy`). It is the error of the run wherever it is above 2e-4
           (convergence/estimates.py); 1e-4 means at most 1e-4. It is None if it cannot be known.
         - error_unknown: if error_estimate is None, a clause that says why.
         - stiffness_ratio: with given steps, the largest ratio of an eigenvalue of d rhs / d y to
