@@ -68,7 +68,7 @@ def oscillators(quick):
 
         def loop(how=how):
             for row in few:
-                hd.solve(equation.replace(params=row), 20.0, n_steps, **how)
+                hd.solve(equation.replace(params=row), 20.0, n_steps, estimate=False, **how)
 
         alone, _ = fastest(loop, 3)
         for threads in (1, 2):

@@ -44,10 +44,8 @@ SCHEMES = [
 
 
 def seconds(equation, n, scheme, history, repeats):
-    runs = [
-        hd.solve(equation, 1e-3 * n, n, scheme=scheme, history=history, save_every=n)
-        for _ in range(repeats + 1)
-    ]
+    how = {"scheme": scheme, "history": history, "save_every": n, "estimate": False}
+    runs = [hd.solve(equation, 1e-3 * n, n, **how) for _ in range(repeats + 1)]
     return statistics.median(run.stats["run_seconds"] for run in runs[1:]), runs[0]
 
 

@@ -102,9 +102,10 @@ def states_rows(quick):
         return wave + sums @ solve_ivp(states, (0, 1), z0, "BDF", **how).y[:, -1]
 
     equation = hd.Equation(hd.Caputo(ALPHA), None, wave, linear=matrix)
+    how = {"scheme": hd.BDF(2), "save_every": 1000, "estimate": False}
     ways = {
         "SciPy's BDF, modes as states": by_scipy,
-        "BDF(2)": lambda: hd.solve(equation, 1.0, 1000, scheme=hd.BDF(2), save_every=1000).y[-1],
+        "BDF(2)": lambda: hd.solve(equation, 1.0, 1000, **how).y[-1],
         "Collocation": lambda: hd.solve(equation, 1.0, rtol=1e-6).y[-1],
     }
     for name, run in ways.items():
@@ -125,7 +126,8 @@ def reaction_rows(quick):
     truth = hd.solve(equation, 1.0, rtol=1e-9).y[-1]
     for n in (200,) if quick else (250, 500, 1000, 2000):
         for scheme in (hd.BDF(2), hd.IMEX(hd.BDF(2))):
-            run = lambda n=n, s=scheme: hd.solve(equation, 1.0, n, scheme=s, save_every=n).y[-1]  # noqa: E731
+            how = {"scheme": scheme, "save_every": n, "estimate": False}
+            run = lambda n=n, how=how: hd.solve(equation, 1.0, n, **how).y[-1]  # noqa: E731
             seconds, found = fastest(run, 1 if quick else 5, within=2)
             name = f"{scheme!r}".replace("scheme=", "") + f", N = {n}"
             yield row("reaction", name, d, seconds, np.abs(found - truth).max())
@@ -161,7 +163,8 @@ def watched(quick):
         every(self, None, system, n_block)
 
     for scheme in (hd.ExplicitCaputo(), hd.Adams()):
-        run = lambda s=scheme: hd.solve(equation, 1.0, n, scheme=s, save_every=n)  # noqa: E731
+        how = {"scheme": scheme, "save_every": n, "estimate": False}
+        run = lambda how=how: hd.solve(equation, 1.0, n, **how)  # noqa: E731
         times = []
         for _ in range(2 if quick else 7):  # alternating
             pair = []

@@ -26,7 +26,8 @@ CLAIMS = [(EXPLICIT, ONE, PLAIN, 4.0), (EXPLICIT, TWO, PLAIN, 6.0), (USUAL, CHEC
 
 def run(equation, n, label, scheme):
     if label == PLAIN:
-        result = hd.solve(equation, T_END, n, scheme=scheme, save_every=1000)
+        how = {"scheme": scheme, "save_every": 1000, "estimate": False}
+        result = hd.solve(equation, T_END, n, **how)
     else:
         k, verify = 1 + (label == TWO), None if label == CHECKED else False
         result = hd.lyapunov(equation, T_END, n, k, scheme=scheme, verify=verify)

@@ -79,9 +79,10 @@ def own_calls(problem, quick):
         ):
             continue
         for n in problem.counts[:2] if quick else problem.counts:
-            how = {"n_steps": n}
+            how = {"n_steps": n, "estimate": False}
             if graded:
-                how = {"mesh": hd.graded(n, scheme.order(problem.alpha) / problem.alpha)}
+                mesh = hd.graded(n, scheme.order(problem.alpha) / problem.alpha)
+                how = {"mesh": mesh, "estimate": False}
             solve = partial(hd.solve, problem.equation, problem.t_end, scheme=scheme, **how)
             yield name, f"N={n}", partial(solve, history=HISTORY)
 

@@ -69,7 +69,7 @@ def measure(quick):
 
             def solved(eq, how=how, scheme=scheme):
                 for _ in range(20 if isinstance(scheme, hd.Collocation) else 1):
-                    sol = hd.solve(eq, 1.0, scheme=scheme, **how)
+                    sol = hd.solve(eq, 1.0, scheme=scheme, estimate=False, **how)
                 return sol
 
             ours, theirs = solved(equation), solved(compiled)

@@ -73,8 +73,8 @@ print(time.perf_counter() - began, len(compiled))
 """
 # What is first used, and the longest that it may take without machine code.
 FIRST = {
-    "explicit": ("hd.solve(decay(), 1.0, 40)", 15.0),
-    "implicit": ("hd.solve(decay(), 1.0, 40, scheme=hd.L1())", 25.0),
+    "explicit": ("hd.solve(decay(), 1.0, 40, estimate=False)", 15.0),
+    "implicit": ("hd.solve(decay(), 1.0, 40, scheme=hd.L1(), estimate=False)", 25.0),
     "collocation": ("hd.solve(decay(), 1.0, rtol=1e-6)", 60.0),
 }
 # What is first used of an installed package.

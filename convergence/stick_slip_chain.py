@@ -38,7 +38,12 @@ def peaks(blocks, n_steps):
     for stop in (n_steps // 2 * H, n_steps * H):
         how = {"n_steps": n_steps // 2} if state is None else {"resume": state}
         state = hd.solve(
-            chain("hereditary", blocks), stop, save_every=EVERY, components=[0], **how
+            chain("hereditary", blocks),
+            stop,
+            save_every=EVERY,
+            components=[0],
+            estimate=False,
+            **how,
         ).state
         yield resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
 
@@ -67,7 +72,7 @@ def measure(quick):
     first, second = peaks(blocks, n_steps)
     sizes = {}
     for kind in KINDS:
-        how = {"n_steps": n_steps, "save_every": EVERY}
+        how = {"n_steps": n_steps, "save_every": EVERY, "estimate": False}
         call = partial(hd.solve, chain(kind, blocks), n_steps * H, **how)
         seconds, sol = fastest(call, 1, warm=False)
         slips = hd.scenes.slips(sol)
