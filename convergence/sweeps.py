@@ -33,12 +33,17 @@ def python(b):
     return sum(b * k for k in range(60_000))
 
 
+def last_row(b, n_steps):
+    how = {"save_every": 1000, "estimate": False}
+    return hd.solve(hd.scenes.stick_slip(spring_speed=b), T_END, n_steps, **how).y[-1, 0]
+
+
 def solve_60_000(b):
-    return hd.solve(hd.scenes.stick_slip(spring_speed=b), T_END, 60_000, save_every=1000).y[-1, 0]
+    return last_row(b, 60_000)
 
 
 def solve_200_000(b):
-    return hd.solve(hd.scenes.stick_slip(spring_speed=b), T_END, 200_000, save_every=1000).y[-1, 0]
+    return last_row(b, 200_000)
 
 
 def lyapunov_20_000(b):
