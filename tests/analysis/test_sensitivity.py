@@ -451,6 +451,17 @@ def test_changes_are_small_where_y_grows():
     assert found.by_params[-1, 0, 0] == pytest.approx(14e-6 * by_y0, rel=1e-6)
 
 
+def test_a_derivative_of_0_beside_a_bend_has_an_error_of_its_size():
+    """y = p[0]^2 t + |p[1]| t at p = 0, where no size of the derivative is known."""
+
+    def rising(t, z, p):
+        return p[0] ** 2 + abs(p[1]) + 0j * z
+
+    found = hd.sensitivities(hd.Equation(hd.Caputo(1), rising, 0j, params=[0.0, 0.0]), 2.0)
+    assert np.array_equal(found.by_params, np.zeros((2, 1, 2)))
+    assert error_of(found) == 1.0
+
+
 def test_differences_whose_runs_end_early():
     def growing(t, y, late, p):
         return p[0] * y * y + 0.0 * late[0]
@@ -459,7 +470,7 @@ def test_differences_whose_runs_end_early():
     found = hd.sensitivities(late, 1.0 - 1e-9, t_eval=[0.5, 1.0 - 1e-9], wrt="orders")
     assert np.isfinite(found.by_orders[0, 0, 0])
     assert np.isnan(found.by_orders[1, 0, 0])
-    assert "NaN after the end of a run that ended early" in found.message
+    assert "NaN where a run of a changed equation has no rows" in found.message
     with pytest.warns(hd.SolveWarning):
         found = hd.sensitivities(late, 2.0, t_eval=[0.5, 1.5])
     assert found.status == "blown_up"

@@ -122,7 +122,7 @@ class RunDifferences:
         """Errors of derivatives by parameters and y0, as a fraction of their largest size.
 
         If the second difference of y is b times the first one, the third is about b**2 times it.
-        This is the error that the change leaves.
+        This is the error that the change leaves. It is 1 where y bends more than it changes.
         """
         return max(_OF_CHANGE * self.change**2, self._bend**2)
 
@@ -171,7 +171,7 @@ class RunDifferences:
         below = self._moved_rows(moved, -by)
         bend, twice = above - 2 * self._rows + below, above - below
         ratio = np.nanmax(np.abs(bend), initial=0.0) / np.nanmax(np.abs(twice), initial=LEAST)
-        self._bend = max(self._bend, float(ratio))
+        self._bend = max(self._bend, min(float(ratio), 1.0))
         return twice / (2 * by)
 
     def by_orders(self, n: int | None = None) -> np.ndarray:

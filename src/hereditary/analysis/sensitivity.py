@@ -94,7 +94,7 @@ def sensitivities(
 
     All derivatives are differences of runs where no tangents are possible, and `message` says so.
     These equations have delays, complex y, orders above 2, functions called in Python, or a matrix
-    with rows of zeros.
+    with rows of zeros. `IMEX` has no tangents either.
 
     Parameters
     ----------
@@ -181,7 +181,7 @@ def _by_runs(runs: RunDifferences, kinds: tuple[str, ...], reason: str) -> Sensi
     message = f"{found.message}; derivatives are differences of runs, because {reason}"
     message += f": their errors are about {runs.error:.0e} of their largest size"
     if any(each is not None and np.isnan(each).any() for each in by.values()):
-        message += "; they are NaN after the end of a run that ended early"
+        message += "; they are NaN where a run of a changed equation has no rows"
     by = {f"by_{kind}": each for kind, each in by.items()}
     return Sensitivities(t=found.t, y=found.y, status=found.status, message=message, **by)
 
