@@ -130,6 +130,27 @@ def test_an_argument_that_only_solve_takes_is_refused_with_a_remedy(function):
         assert re.search(r"0\.125; .*\w", str(caught.value))
 
 
+@pytest.mark.parametrize(
+    ("call", "name", "remedy"),
+    [
+        (partial(hd.solve, None, 1.0), "n_step", "write n_steps="),
+        (partial(hd.solve, None, 1.0), "method", "pass scheme="),
+        (partial(hd.solve, None, 1.0), "args", "pass params="),
+        (partial(hd.solve, None, 1.0), "foo", "see help(hereditary.solve)"),
+        (partial(hd.ensemble, None, 1.0), "nsteps", "write n_steps="),
+        (partial(hd.ensemble, None, 1.0), "dt", "pass n_steps, for steps of"),
+        (partial(hd.ensemble, None, 1.0), "n_workers", "write workers="),
+        (partial(hd.sensitivities, None, 1.0), "args", "Equation(..., params=args) has them"),
+        (partial(hd.lyapunov, None, 1.0), "t0", "Equation(..., t_start=t0) sets the start"),
+        (partial(hd.memory_term, 0.5), "dt", "see help(hereditary.memory_term)"),
+    ],
+)
+def test_a_keyword_that_no_argument_has_is_refused_with_a_remedy(call, name, remedy):
+    words = f"{name} must be left out of {call.func.__name__}, got 0.125; {remedy}"
+    with pytest.raises(TypeError, match=re.escape(words)):
+        call(**{name: 0.125})
+
+
 @pytest.mark.parametrize("value", [1, 0, True, False, np.True_])
 def test_truth_may_be_a_number(value):
     assert np.array_equal(run(estimate=value).y, run().y)

@@ -358,7 +358,7 @@ def _each(changes: Any, size: int) -> list[Mapping]:
         return [{} if changes is None else mapping("changes", changes, CHANGES)] * size
     if len(changes) != size:
         required = f"be a mapping, or one for each of the {size} members"
-        refuse("changes", required, f"{len(changes)} mappings")
+        refuse("changes", required, f"{len(changes)} of them")
     return [mapping(f"changes[{m}]", own, CHANGES) for m, own in enumerate(changes)]
 
 

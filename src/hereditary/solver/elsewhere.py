@@ -1,4 +1,4 @@
-"""Messages of functions that lack an argument of `solve`."""
+"""Messages of functions that lack an argument of `solve`, or of other solvers."""
 
 from __future__ import annotations
 
@@ -33,13 +33,26 @@ OF_SOLVE = {
     "params": "pass equation.replace(params=...)",
     "estimate": "only solve(...) estimates the errors of its runs",
 }
+# For keywords of other solvers, what a message says to write instead.
+OF_OTHERS = {
+    "t0": "Equation(..., t_start=t0) sets the start",
+    "t_span": "Equation(..., t_start=...) sets the start, and t_end the end",
+    "y0": "Equation(terms, rhs, y0) has it",
+    "args": "Equation(..., params=args) has them",
+    "jac": "Equation(..., jac=...) has it",
+    "method": "pass scheme=, e.g. scheme=hd.BDF(2)",
+    "first_step": "the first step is chosen by the tolerance, or is that of n_steps",
+    "h": "pass n_steps, for steps of (t_end - t_start) / n_steps",
+    "dt": "pass n_steps, for steps of (t_end - t_start) / n_steps",
+}
 
 
 def lacking(default: str = "", **instead: str) -> Callable[[Callable[_P, _R]], Callable[_P, _R]]:
-    """Return a decorator that refuses each argument of `solve` that a function lacks.
+    """Return a decorator that refuses keywords that a function has no argument for.
 
-    A message says what to do `instead`, by the name of the argument. Without an entry it says the
-    `default`, or the entry of `OF_SOLVE`.
+    A message says what to do `instead`, by the name of the keyword. Without an entry it says, for
+    an argument of `solve`, the `default` or the entry of `OF_SOLVE`.
     """
+    others = {} if default else OF_OTHERS
     remedies = {name: default or remedy for name, remedy in OF_SOLVE.items()}
-    return refusing(remedies | instead)
+    return refusing(others | remedies | instead)

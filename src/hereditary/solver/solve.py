@@ -32,6 +32,7 @@ from ..support.checks import (
     whole,
 )
 from .accuracy import Provenance
+from .elsewhere import OF_OTHERS
 from .opening import chooses_steps
 from .output import Kept
 from .problem import Problem
@@ -39,21 +40,12 @@ from .run import note_missed
 from .solution import Solution
 
 CHANGES = "map times to functions change(t, y), e.g. {12.0: dose}"
-# For keywords of other solvers, what a message says to write instead.
-_INSTEAD = {
-    "t0": "Equation(..., t_start=t0) sets the start",
-    "t_span": "Equation(..., t_start=...) sets the start, and solve(eq, t_end) the end",
-    "y0": "Equation(terms, rhs, y0) has it",
-    "args": "pass params=",
-    "jac": "Equation(..., jac=...) has it",
-    "method": "pass scheme=, e.g. scheme=hd.BDF(2)",
-    "dense_output": "sol(t) is the dense output of every solution",
-    "h": "pass n_steps, for steps of (t_end - t_start) / n_steps",
-    "dt": "pass n_steps, for steps of (t_end - t_start) / n_steps",
-}
 
 
-@refusing(_INSTEAD)
+@refusing(
+    OF_OTHERS
+    | {"args": "pass params=", "dense_output": "sol(t) is the dense output of every solution"}
+)
 def solve(
     equation: Equation,
     t_end: float,
@@ -246,13 +238,13 @@ def solve(
     >>> sol.t_events[0].round(4)
     array([1.7438, 4.9368, 8.2598])
     """
-    equation = current_equation(equation)
+    equation, allow_change = current_equation(equation), truth("allow_change", allow_change)
     if params is not None:
         equation = equation.replace(params=params)
         allow_change = allow_change if resume is None else True
     start = equation.t_start
     t_last = run_end("t_end", t_end, start)
-    allow_change, estimate = truth("allow_change", allow_change), truth("estimate", estimate)
+    estimate = truth("estimate", estimate)
     scheme = chosen_scheme(scheme, rtol, n_steps, mesh, resume)
     begin = _begin(resume, scheme, allow_change, start, t_last)
     kept = _kept(equation, save_every, evaluation_times(t_eval, begin, t_last), components)

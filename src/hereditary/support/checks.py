@@ -22,7 +22,8 @@ _R = TypeVar("_R")
 
 # Least similarity, by difflib, of a string to the name of a class that a message then suggests.
 # "explicit" has 0.73 to ExplicitCaputo, and SciPy's "Radau" has 0.6 to Adams. At 1 only names
-# written in full would be recognised.
+# written in full would be recognised. It is also the least similarity of a keyword to an argument:
+# "nsteps" has 0.92 to n_steps, and "first_step" 0.56 to max_step.
 _NEAR = 0.65
 # Words of a message for an integer above the largest float, which may have thousands of digits.
 _BEYOND = "a number beyond 1e308"
@@ -52,19 +53,22 @@ def left_out(reason: str, remedy: str = "", **given: Any) -> None:
 
 
 def refusing(instead: dict[str, str]) -> Callable[[Callable[_P, _R]], Callable[_P, _R]]:
-    """Return a decorator that refuses keywords by name and says what to write `instead`.
+    """Return a decorator that refuses keywords that a function has no argument for.
 
-    Names of the function's own arguments are not refused.
+    A message says what to write `instead`, by the name of the keyword. Without an entry it names
+    the argument that is most similar, or the function's help.
     """
 
     def decorator(function: Callable[_P, _R]) -> Callable[_P, _R]:
-        foreign = instead.keys() - inspect.signature(function).parameters
+        own, called = list(inspect.signature(function).parameters), function.__name__
 
         @wraps(function)
         def checked(*args: _P.args, **keywords: _P.kwargs) -> _R:
-            for name in keywords.keys() & foreign:
-                required, got = f"be left out of {function.__name__}", reprlib.repr(keywords[name])
-                refuse(name, required, got, instead[name], kind=TypeError)
+            for name in [name for name in keywords if name not in own]:
+                near = difflib.get_close_matches(name, own, n=1, cutoff=_NEAR)
+                default = f"write {near[0]}=" if near else f"see help(hereditary.{called})"
+                required, got = f"be left out of {called}", reprlib.repr(keywords[name])
+                refuse(name, required, got, instead.get(name, default), kind=TypeError)
             return function(*args, **keywords)
 
         return checked
