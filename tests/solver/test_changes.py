@@ -1,5 +1,6 @@
 """Changes of y by events and at stated times."""
 
+from functools import partial
 from math import gamma
 
 import numpy as np
@@ -531,3 +532,19 @@ def test_rows_and_dense_output_agree_next_to_a_change_in_the_first_steps(scheme,
     how = {"scheme": scheme, "changes": {(step - 0.5) / 16: add(-1.0)}}
     sol, rows = (hd.solve(eq, 1.0, 16, **how, **more) for more in ({}, {"t_eval": times}))
     np.testing.assert_allclose(rows.y, sol(times), rtol=0, atol=1e-12)
+
+
+@pytest.mark.parametrize("start", [0.0, 0.1, 7.7, 100.1, -1000.3])
+@pytest.mark.parametrize("scheme", [hd.ExplicitCaputo(), hd.BDF(2)], ids=str)
+def test_a_start_does_not_move_a_dose_nor_the_row_at_its_time(scheme, start):
+    """Times less `start` are rounded, in steps, in changes and in `t_eval`."""
+    eq = hd.Equation(hd.Caputo(0.8), lambda t, y: -y, 1.0, t_start=start)
+    times = start + 0.1 * np.arange(21)
+    run = partial(hd.solve, eq, times[-1], 20, scheme=scheme, estimate=False)
+    for k in range(1, 20):
+        dose = {times[k]: lambda t, y: y + 10.0}
+        assert np.argmax(np.diff(run(changes=dose, t_eval=times).y[:, 0]) > 5.0) == k - 1
+        assert run(changes=dose).t[k : k + 2] == pytest.approx(times[k], rel=1e-14)
+    doses = [{t: lambda t, y: y + 10.0} for t in times[1:-1]]
+    found = hd.ensemble(eq, times[-1], 20, scheme=scheme, y0=np.ones(len(doses)), changes=doses)
+    assert np.array_equal(np.argmax(np.diff(found.y[:, :, 0]) > 5.0, axis=1), np.arange(19))

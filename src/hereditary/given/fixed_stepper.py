@@ -23,6 +23,7 @@ from ..stepping.stepper import (
     Stop,
     TangentStepper,
 )
+from ..stepping.times import ONE_TIME
 from ..support.checks import refuse
 from .block import BLOWN_UP, NOT_SOLVED, RUNNING
 from .first_steps import starting_steps
@@ -370,8 +371,11 @@ class FixedStepper(ResumableStepper, TangentStepper, JumpingStepper):
             solver(FACTORISE, 0, self._march.newton[1], room, by_reference(tables, LINEAR))
 
     def stop_at(self, t):
-        """Return the first step n with t_n >= t, and t_n, as a `Stop`."""
-        step = self.steps.first_from(t)
+        """Return the first step n with t_n >= t, and t_n, as a `Stop`.
+
+        The user's times count from `start`, whose rounding errors do not make a step later.
+        """
+        step = self.steps.first_from(t - ONE_TIME * abs(self.system.frame.start))
         return Stop(step, self.steps.time(step))
 
     def state(self):

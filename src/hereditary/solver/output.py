@@ -12,6 +12,7 @@ import numpy as np
 from ..given.first_steps import FirstSteps
 from ..stepping.dense import Dense, Piece, StepPieces
 from ..stepping.stepper import Stepper
+from ..stepping.times import ONE_TIME
 from ..support.checks import complaint
 from ..support.machine import machine_storage
 from .events import Events
@@ -124,13 +125,17 @@ class Output:
         if changed:
             self.jumps.append(t)
         if self._asked is not None:  # rows at the time of the event follow it
-            at_once = int(np.searchsorted(self._wanted, t * (1 + _SLACK), side="right"))
+            at_once = int(np.searchsorted(self._wanted, t + self._near(t), side="right"))
             times, self._wanted = self._wanted[:at_once], self._wanted[at_once:]
             rows = np.ones((times.size, 1))
             self._add(times, rows * y, rows * self._stepper.ydot)
         if not changed or self._asked is not None:
             return
         self._add(np.array([t]), y[None], self._stepper.ydot[None])
+
+    def _near(self, t: float) -> float:
+        """Return the distance from an event at t up to which a row has its time."""
+        return ONE_TIME * max(abs(t), abs(self._frame.start))
 
     def _chosen(self, edges: np.ndarray) -> slice | np.ndarray:
         """Return which steps between `edges` are kept: a slice, or an array of truth values."""
@@ -147,7 +152,7 @@ class Output:
         last = self.end if self.ended else self.end * (1 + _SLACK)
         at_end = self._stepper.position == self._stop and not self.ended
         if self.events.interrupted:  # rows at the event's time follow it
-            last = self.end * (1 - _SLACK)
+            last = self.end - self._near(self.end)
         elif at_end:
             last = np.inf  # the last step may miss the end of the run by rounding
         ahead = int(np.searchsorted(self._wanted, last, side="right"))
