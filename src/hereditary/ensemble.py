@@ -229,7 +229,7 @@ def ensemble(
     Every member has the solution of `solve`. With uniform steps it is equal to the last bit, with
     BDF(3) to BDF(6) to rounding. Uniform steps need weights, modes and stability limits only once,
     and each thread solves one member after the other. With events, switches or changes each member
-    is a run of its own; with a `t_start` other than 0 its rows are then equal to rounding. Use
+    is a run of its own. With a `t_start` other than 0 its rows are then equal to rounding. Use
     `sweep` for equations that differ in anything else, such as their orders.
 
     Parameters
