@@ -152,7 +152,7 @@ class Accuracy:
 
 @dataclass(frozen=True, eq=False)
 class Provenance:
-    """What a solution solves and how it was made, as far as an accurate run needs it.
+    """The problem of a solution, and what else an accurate run needs to know of it.
 
     Parameters
     ----------

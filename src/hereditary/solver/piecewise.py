@@ -36,7 +36,7 @@ LEAST_SIZE = 1e-300
 
 
 class FitTolerance(NamedTuple):
-    """How accurately polynomials meet a function.
+    """The accuracy with which polynomials meet a function.
 
     - tol: largest difference, as a fraction of the largest value of a component.
     - order: next to a jump or a corner, a difference over the fraction x of the time may be larger

@@ -1,4 +1,4 @@
-"""What a run solves, however it steps; and the run, from its stepper to its `Solution`."""
+"""A problem, which any scheme solves; and its run, from the stepper to the `Solution`."""
 
 from __future__ import annotations
 
