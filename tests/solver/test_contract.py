@@ -25,8 +25,8 @@ from hereditary.compiled.records import record
 from hereditary.compiled.schedule import SCHEDULE
 from hereditary.given.fixed_stepper import FixedStepper
 from hereditary.given.steps import UniformSteps, mesh_steps
-from hereditary.hybrid import Hybrid
 from hereditary.solver.events import Events
+from hereditary.solver.hybrid import Hybrid
 from hereditary.solver.opening import how_to_step, open_stepper
 from hereditary.solver.output import Kept, Output
 from hereditary.solver.run import Drive, go_back, run

@@ -16,6 +16,7 @@ from ..stepping.scheme import Scheme
 from ..stepping.state import State
 from ..stepping.stepper import ResumableStepper
 from .events import Events
+from .hybrid import Hybrid
 from .opening import how_to_step, open_stepper
 from .output import Kept, Output
 from .run import Drive, run
@@ -87,8 +88,6 @@ class Problem:
         began = time.perf_counter()
         system, hybrid, t_end = self.system, None, self.t_end - self.system.frame.start
         if self.acts:
-            from ..hybrid import Hybrid  # a leaf that stands on this room
-
             hybrid = Hybrid(system, scheme, self.events, self.switches, self.changes)
             system = hybrid.system
         how = how_to_step(system, scheme, t_end, resume, history=history, **steps)

@@ -20,17 +20,17 @@ from typing import Any
 
 import numpy as np
 
-from .compiled.jit import JAC_SIG, RHS_SIG, as_value, derived
-from .equation.system import System
-from .functions.assemble import switch_of
-from .solver.events import TINY, Events, value_of
-from .solver.output import Output
-from .solver.run import Drive
-from .stepping.scheme import Scheme
-from .stepping.status import Ending, Status
-from .stepping.stepper import JumpingStepper, Stepper
-from .stepping.times import together
-from .support.checks import real, refuse, shown
+from ..compiled.jit import JAC_SIG, RHS_SIG, as_value, derived
+from ..equation.system import System
+from ..functions.assemble import switch_of
+from ..stepping.scheme import Scheme
+from ..stepping.status import Ending, Status
+from ..stepping.stepper import JumpingStepper, Stepper
+from ..stepping.times import together
+from ..support.checks import real, refuse, shown
+from .events import TINY, Events, value_of
+from .output import Output
+from .run import Drive
 
 # Numbers that each switch adds to the parameters.
 _ADDED = 3
