@@ -8,8 +8,8 @@ import pytest
 from decorators import DECORATORS
 
 SOURCE = Path(__file__).parent.parent / "src" / "hereditary"
-# Imported inside functions, since it takes long and few runs need it, or is a leaf on that room.
-DEFERRED = {"scipy.interpolate", "scipy.optimize", "scipy.signal", "large.structure"}
+# Imported inside functions, since it takes long and few runs need it.
+DEFERRED = {"scipy.interpolate", "scipy.optimize", "scipy.signal"}
 GALLERY = SOURCE.parents[1] / "docs" / "gallery"
 # What a message must not say in place of the value that arrived.
 VAGUE = {"another", "both", "int", "it", "neither", "none", "one", "others", "some"}

@@ -44,6 +44,7 @@ from .given.schemes.adams import Adams, ProductTrapezoid
 from .given.schemes.bdf import BDF
 from .given.schemes.explicit import ExplicitCaputo
 from .given.schemes.grunwald_letnikov import GrunwaldLetnikov
+from .given.schemes.imex import IMEX
 from .given.schemes.l1 import L1
 from .given.schemes.l2 import L2
 from .given.schemes.l2sigma import L2Sigma
@@ -69,7 +70,6 @@ from .kernels.named_kernels import (
     TemperedPowerLaw,
     WeibullDensity,
 )
-from .large.imex import IMEX
 from .memory_term import MemoryTerm, memory_term
 from .solver.accuracy import Accuracy
 from .solver.solution import Solution

@@ -123,7 +123,7 @@ def test_components_of_other_orders_are_single_equations(pair, how, monkeypatch)
     """As the others, with the stages of all components in one system."""
     d = 14
     if how == "sparse":
-        monkeypatch.setattr("hereditary.large.structure._WIDEST", -1)
+        monkeypatch.setattr("hereditary.equation.jacobian_structure._WIDEST", -1)
     orders = np.where(np.arange(d) % 2, *pair)
     y0 = np.linspace(0.2, 1.3, d)
     kwargs = {} if how == "dense" else {"bandwidth": (0, 0)}

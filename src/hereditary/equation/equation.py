@@ -21,6 +21,7 @@ from .chain import chained
 from .delay import Delay, pasts_of, reading
 from .formula import formula
 from .frame import Frame
+from .jacobian_structure import copied, stated
 from .operators import Summand
 from .orders import merged_orders
 from .statement import (
@@ -200,8 +201,6 @@ class Equation:
         start = Start(initial[0], remembered, _numbers(params), self.t_start)
         said, entries = None, jac
         if rhs is None or any(part is not None for part in (linear, bandwidth, jac_sparsity)):
-            from ..large.structure import copied, stated  # a leaf, which imports this room
-
             self.linear, self.jac_sparsity = copied(linear), copied(jac_sparsity)
             rearranged = len(initial) > 2 or factors.ndim > 2 or paired or bool(self.memory)
             said = stated(d, rhs, jac, rearranged, bandwidth, jac_sparsity, linear)

@@ -16,6 +16,7 @@ from ..functions.differences import units_of
 from ..support.checks import refuse
 from .delay import Delayed
 from .frame import Frame
+from .jacobian_structure import Structure
 from .terms import SystemTerm
 
 _SAME = Frame()
@@ -45,7 +46,7 @@ class System:
     sources : ndarray of int64, shape (d,), optional
         Source of each component: the component whose memory it is. A component with an equation is
         its own source.
-    structure : large.structure.Structure, optional
+    structure : Structure, optional
         Entries of the Jacobian that may differ from 0. With it, functions for the Jacobian set
         these entries only.
     n_params : int, optional
@@ -78,7 +79,7 @@ class System:
     compiled_rhs: Any = None
     compiled_jac: Any = None
     sources: Any = None
-    structure: Any = None
+    structure: Structure | None = None
     n_params: Any = None
     quantities: Any = None
     of_y: Any = None

@@ -4,10 +4,13 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from ..compiled.callbacks import lapack_address
 from ..compiled.jacobian import COLUMNS, FEW, ROWS, VALUES
 from ..compiled.jit import as_value
 from ..compiled.linalg import address_of_factors, dense_solver, no_solver
 from ..compiled.signatures import SOLVER_SIG, LinearSolver
+from ..compiled.sparse_solvers import SparseFactors, banded_solver, sparse_solver
+from ..equation.jacobian_structure import Structure
 
 
 class NewtonSetup(NamedTuple):
@@ -50,7 +53,7 @@ def newton_of(structure, d, tangents, solve, exact):
     implicit = solve in ("newton", "imex")
     slots = 1 + int(tangents)
     if structure is not None:
-        return structure.newton(tangents, implicit, exact)
+        return _of_structure(structure, slots, implicit, int(exact))
     few = d <= FEW and solve == "newton"
     n = d if implicit and (tangents or not few) else 0
     size = d if implicit or tangents else 0
@@ -63,3 +66,20 @@ def newton_of(structure, d, tangents, solve, exact):
     )
     solver = as_value(dense_solver if n else no_solver, SOLVER_SIG)
     return NewtonSetup(solver, tables, np.zeros((1 + slots, size, size)))
+
+
+def _of_structure(structure: Structure, slots: int, implicit: bool, exact: int) -> NewtonSetup:
+    """Return `NewtonSetup` for Jacobians of a structure, with factors of `slots` matrices."""
+    band, held, solver = structure.band, None, no_solver
+    room = np.tile(structure.entries, (1 + slots if implicit else 1, 1, 1))
+    tables = LinearSolver(np.zeros((0, 0, 0)), np.arange(0), exact=exact)
+    if implicit and band is None:
+        held, solver = SparseFactors(structure, float), sparse_solver
+        tables = tables._replace(order=np.arange(structure.n), python=held.address)
+    elif implicit and band is not None:
+        solver, (lower, upper, order) = banded_solver, band
+        factors = np.zeros((slots, order.size, 2 * lower + upper + 2))
+        lapack = lapack_address("dgbtrf")
+        places = order.astype(np.int64)
+        tables = LinearSolver(factors, places, lower, upper, lapack, exact=exact)
+    return NewtonSetup(as_value(solver, SOLVER_SIG), tables, room, held)

@@ -5,16 +5,16 @@ from typing import ClassVar
 
 import numpy as np
 
-from ..compiled.jacobian import FEW
-from ..equation.affine import slopes
-from ..equation.system import System
-from ..given.plan import Plan
-from ..given.schemes.bdf import BDF
-from ..given.schemes.l1 import L1
-from ..given.watch import SLOWEST
-from ..stepping.scheme import Scheme
-from ..support.checks import refuse
-from .structure import Structure, entries_of, no_slopes
+from ...compiled.jacobian import FEW
+from ...equation.affine import slopes
+from ...equation.jacobian_structure import Structure, entries_of, no_slopes
+from ...equation.system import System
+from ...stepping.scheme import Scheme
+from ...support.checks import refuse
+from ..plan import Plan
+from ..watch import SLOWEST
+from .bdf import BDF
+from .l1 import L1
 
 
 @dataclass(frozen=True)

@@ -13,11 +13,9 @@ import numpy as np
 from ..compiled.jacobian import COLUMNS, CONSTANTS, FEW, GROUPS, N_ENTRY_ROWS, ROWS, VALUES
 from ..compiled.jit import JAC_SIG, RHS_SIG, as_value, compiled, derived
 from ..compiled.linalg import clear_matrix
-from ..equation.affine import affine, later, own_size, slopes
 from ..functions.build import Start, arity_of
-from ..given.linear_solvers import NewtonSetup
 from ..support.checks import complaint, count, refuse, refuse_masked, shown
-from .linear_solvers import newton_of_structure
+from .affine import affine, later, own_size, slopes
 
 # Most diagonals of a pattern that is factorised as a band, after its components are reordered. With
 # more diagonals SuperLU takes less time.
@@ -145,10 +143,6 @@ class Structure:
         rows = (rows[:, None, None] * s + own[:, None] + 0 * own).ravel()
         columns = (columns[:, None, None] * s + 0 * own[:, None] + own).ravel()
         return Structure(self.n * s, rows, columns, places=np.full(rows.size, -1))
-
-    def newton(self, tangents: bool, implicit: bool, exact: bool) -> NewtonSetup:
-        """Return `NewtonSetup` for these entries; see `newton_of` in given/linear_solvers.py."""
-        return newton_of_structure(self, 1 + int(tangents), implicit, int(exact))
 
     def with_velocities(self) -> Structure:
         """Return the structure of pairs (x, w) whose first half is w and whose second half f(x)."""

@@ -1,1 +1,0 @@
-"""Large systems: linearly implicit schemes, and memory terms for other codes."""
