@@ -500,9 +500,8 @@ class FixedStepper(ResumableStepper, TangentStepper, JumpingStepper):
         ahead += table.weights[table.groups[:n], 2 : 2 + ahead.shape[1]] * jump[:, None]
 
     def _forget_explicit(self):
-        """Keep the next IMEX step from extrapolating f across a jump (given/newton.py)."""
-        if self.scheme.solve == "imex":
-            self._march.force[:] = np.nan
+        """Keep the next IMEX step from extrapolating f across a jump (given/imex_step.py)."""
+        self._march.counts["extrapolates"] = 0
 
     def set_parameter(self, number, value):
         """Set parameter `number` of the right-hand side to `value`; f may jump."""

@@ -29,7 +29,8 @@ from .block import (
     open_block,
     write_row,
 )
-from .newton import guess, no_tangents_solved, solve_linearly, solve_step, solve_tangents
+from .imex_step import solve_linearly
+from .newton import guess, no_tangents_solved, solve_step, solve_tangents
 from .past import read_rows
 from .signatures import GIVEN_MARCH, PUSH_SIG, SOLVE_TANGENTS_SIG, GivenMarch
 from .step import (

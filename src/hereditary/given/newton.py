@@ -1,7 +1,6 @@
-"""Solution of one implicit step.
+"""Solution of one implicit step by Newton's method.
 
-Implicit schemes use Newton's method. IMEX schemes solve one linear system, because only a constant
-matrix is implicit. The linear solver is a function that the march gets from Python.
+The linear solver is a function that the march gets from Python.
 """
 
 import numpy as np
@@ -275,55 +274,3 @@ def guess(m, p, ratio):
     integral = m.table.integral
     for c in range(w.shape[0]):
         w[c] = lead[c] * force[c] - known[c] if integral == 1 else ratio * pieces[c, p]
-
-
-# An IMEX step takes its explicit part at this fraction of the step after its start. The distance
-# exceeds rounding errors of times, so a jump of f at the start of the step is already over.
-_ASIDE = 1e-9
-
-
-@inner
-def solve_linearly(m, t, i):
-    """Solve ``scale w + known = lead (A (base + gain w) + g)`` for w; return False if singular.
-
-    A is the Jacobian of the implicit part, which is constant. The explicit part is f = rhs - A y.
-    ``g = f + theta ratio (f - f_before)`` extrapolates f from t_n and t_(n-1) to t. Row i of the
-    coefficients has theta and the ratio of step sizes. The array state.force (d,) is f_before; NaN
-    turns extrapolation off.
-    """
-    # state.newton (2, ., .): A, and the matrix of the step, whose factors are kept
-    user, room, rows, counts, work = m.right.user, m.room, m.rows, m.state.counts, m.state.newton
-    x, force, w, moved, f, point = m.state.x, m.state.force, room.w, room.moved, room.f, room.point
-    known, lead, base = room.known, room.lead, room.base
-    if counts.kept == 0 or differs(i, rows):
-        user.jac(t, x, work[0], user.params)
-        counts.kept = int(set_factors(m, 0))
-        if counts.kept == 0:
-            return False
-    user.rhs(t - (rows.theta[i] - _ASIDE) * rows.unit[i], x, f, user.params)
-    counts.rhs += 1
-    multiply(work[0], x, moved)
-    ahead = rows.theta[i] * rows.ratio[i] if counts.step > 0 and force[0] == force[0] else 0.0
-    for c in range(x.shape[0]):
-        point[c] = base[c] - x[c]
-        moved[c] = f[c] - moved[c]
-        f[c] += ahead * (moved[c] - force[c]) if ahead > 0.0 else 0.0
-        force[c] = moved[c]
-    multiply(work[0], point, moved)
-    for c in range(x.shape[0]):
-        moved[c] = lead[c] * (f[c] + moved[c]) - known[c]
-    m.solver(SUBSTITUTE, 0, work[1], moved, m.linear)
-    for c in range(x.shape[0]):
-        w[c] = moved[c]
-    return True
-
-
-@inner
-def differs(i, rows):
-    """Return whether row i of the step coefficients needs another matrix than row i - 1."""
-    if i == 0 or rows.theta[i] != rows.theta[i - 1]:
-        return True
-    for a in range(rows.lead.shape[0]):
-        if rows.lead[a, i] != rows.lead[a, i - 1] or rows.scale[a, i] != rows.scale[a, i - 1]:
-            return True
-    return False

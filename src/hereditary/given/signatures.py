@@ -101,6 +101,7 @@ MARCH_COUNTS = np.dtype(
         ("at_once", "i8"),  # whether the factors of Newton's matrix solve a linear step at once
         ("renewed", "i8"),  # number of coming steps that each compute a new Jacobian
         ("factorised", "i8"),  # number of factorised matrices
+        ("extrapolates", "i8"),  # whether the next IMEX step may use f of the last step
     ],
     align=True,
 )
