@@ -224,6 +224,41 @@ def test_an_empty_tank_waits_for_its_inflow(order):
     np.testing.assert_allclose(later.y[-1], now.y[-1], rtol=2e-6)
 
 
+def chain(t, y, p):
+    """A chain of two empty tanks, whose inflow p[0] t^p[1] begins at t = p[2]."""
+    z = np.maximum(y, 0.0) if p[3] == 1.0 else y
+    between = np.sqrt(z[0])
+    inflow = p[0] * max(t - p[2], 0.0) ** p[1]
+    return np.array([inflow - between, between - 1.3 * np.sqrt(z[1])])
+
+
+@pytest.mark.parametrize("begins", [0.0, 0.7])
+@pytest.mark.parametrize("rtol", [1e-4, 1e-8])
+@pytest.mark.parametrize(("strength", "power"), [(1e-6, 2.0), (1.0, 1.0), (1.0, 3.0)])
+@pytest.mark.parametrize("order", [0.8, 0.9, 1.2, 1.5])
+def test_chains_of_empty_tanks_fill(order, strength, power, rtol, begins):
+    """With max(y, 0) in the root, they are the ones without it, to rtol 1e-9."""
+    start = np.zeros(2) if order <= 1 else np.zeros((2, 2))
+    roots = hd.Equation(hd.Caputo(order), chain, start, params=[strength, power, 0.0, 0.0])
+    clipped = roots.replace(params=[strength, power, begins, 1.0])
+    breaks = {"breaks": [begins]} if begins else {}
+    found = hd.solve(clipped, begins + 3.0, rtol=rtol, **breaks)
+    expected = hd.solve(roots, 3.0, rtol=1e-9)
+    assert found.success, found.message
+    assert expected.success, expected.message
+    for t in (0.3, 1.0, 3.0):
+        allowed = rtol * (np.abs(expected(t)) + 0.01 * np.abs(expected.y).max(axis=0))
+        assert np.all(np.abs(found(begins + t) - expected(t)) <= allowed)
+
+
+@pytest.mark.parametrize("scheme", [hd.L1(), hd.BDF(2)])
+def test_given_steps_that_cannot_leave_the_edge_name_rtol(scheme):
+    chain_of = hd.Equation(hd.Caputo(0.8), chain, np.zeros(2), params=[1.0, 3.0, 0.0, 0.0])
+    with pytest.warns(hd.SolveWarning, match="use rtol="):
+        sol = hd.solve(chain_of, 3.0, n_steps=300, scheme=scheme)
+    assert (sol.status, sol.t[-1]) == ("not_solved", 0.0)
+
+
 def test_empty_tanks_beside_others_and_with_a_given_jacobian():
     one = hd.Equation(hd.Caputo(0.8), ramp, 0.0, params=[0.0])
     expected = hd.solve(one, 3.0, rtol=1e-6).y[-1, 0]

@@ -81,12 +81,10 @@ def solve_at_edge(m, h):
     positions(m, h, p, x_start, x)
     for _ in range(_SWEEPS):
         m.state.counts.rhs += s
+        reflect(x_start, x)
+        set_primary(m, h, x, p)
         if not forces(m, x, f):
-            reflect(f, x_start, x)
-            set_primary(m, h, x, p)
-            m.state.counts.rhs += s
-            if not forces(m, x, f):
-                return False
+            return False
         if done:
             break
         for i in range(s):
@@ -135,17 +133,17 @@ def slopes_at_node(m, i, x, f, out):
 
 
 @inner
-def reflect(f, x_start, x):
-    """Move y to the side of y(0) where it is at the last node, where f (d, s) is not finite."""
-    d, s = f.shape
-    for i in range(s):
-        finite = True
-        for c in range(d):
-            finite = finite and abs(f[c, i]) < np.inf
-        for c in range(0 if finite else d):
-            moved = x[c, i] - x_start[c]
-            if moved * (x[c, s - 1] - x_start[c]) < 0.0:
-                x[c, i] = x_start[c] - moved
+def reflect(x_start, x):
+    """Move y = x (d, s) at each node to the side of y(0) where it is at the last node.
+
+    At the first nodes rounding decides the side, since powers of t are smallest there. An f like
+    sqrt(max(y, 0)) is finite on the wrong side, but has no slope there.
+    """
+    for c in range(x.shape[0]):
+        beyond = x[c, -1] < x_start[c]
+        for i in range(x.shape[1]):
+            if (x[c, i] < x_start[c]) != beyond:
+                x[c, i] = 2.0 * x_start[c] - x[c, i]
 
 
 @inner

@@ -61,6 +61,8 @@ _NUMBERS = 1 << 15
 _LEAST = 32
 # Most steps in one call of the compiled march if an event may end the call early.
 _SHORT = 256
+# Remedy if not even the first step is solved.
+_FROM_EDGE = "where y begins at an edge of the domain of the right-hand side, use rtol="
 
 
 class FixedStepper(ResumableStepper, TangentStepper, JumpingStepper):
@@ -310,6 +312,8 @@ class FixedStepper(ResumableStepper, TangentStepper, JumpingStepper):
             and not np.isfinite(force).all()
         ):
             detail = NOT_FINITE
+        if self.scheme.solve == "newton" and self._status == NOT_SOLVED and self.n == 0:
+            detail = f"{detail}; {_FROM_EDGE}" if detail else _FROM_EDGE
         return Ending(statuses[self._status], detail) if self._status in statuses else None
 
     @property
