@@ -5,6 +5,8 @@ Incidence i of an epidemic with the reproduction number R and the density K of g
 ``1 - R L(s)``, where L is the transform of K. So i grows like ``C exp(r t)`` with ``R L(r) = 1``.
 """
 
+from contextlib import nullcontext
+
 import numpy as np
 import pytest
 from scipy.optimize import brentq
@@ -70,6 +72,51 @@ def test_an_epidemic_grows_as_lotka_and_euler_say(name, breaks):
     assert sol.success
     allowed = rtol + OF_KERNEL * sol.stats["kernel_error"]
     assert sol.y[-1, 0] == pytest.approx(expected, rel=allowed)
+
+
+def by_sums(kernel, n):
+    """Incidence on day 80 without its source, by the trapezoid rule in n steps.
+
+    A lognormal density and this part vanish at 0 with all derivatives, so that the error is below
+    any power of the step.
+    """
+    h, t = END / n, np.linspace(0.0, END, n + 1)
+    nodes, weights = np.polynomial.legendre.leggauss(12)
+    between = t[:-1, None] + h * (1 + nodes) / 2
+    added = h / 2 * (kernel(between) * np.exp(between - t[1:, None])) @ weights
+    k, part, source = h * kernel(t), np.zeros(n + 1), 0.0
+    for j in range(1, n + 1):
+        source = np.exp(-h) * source + added[j - 1]
+        part[j] = REPRODUCTION * (source + k[j - 1 : 0 : -1] @ part[1:j])
+    return part[-1]
+
+
+@pytest.mark.parametrize(
+    ("sd", "rtol", "success"), [(0.5, 1e-8, False), (0.5, 1e-6, True), (1.9, 1e-8, True)]
+)
+def test_a_run_whose_kernel_is_less_accurate_than_a_tenth_of_rtol_is_no_success(sd, rtol, success):
+    """Over ten generations the solution errs by up to ten errors of its kernel."""
+    kernel = hd.LognormalDensity.from_mean(5.0, sd)
+    eq = hd.Equation(
+        0 * hd.Caputo(1), growth, 1.0, params=[REPRODUCTION], memory=[hd.Memory(kernel, 0)]
+    )
+    with nullcontext() if success else pytest.warns(hd.SolveWarning, match="allowed"):
+        sol = hd.solve(eq, END, rtol=rtol)
+    assert sol.success is success
+    assert success == (sol.stats["kernel_error"] < 0.1 * rtol)
+    error = abs(sol.y[-1, 0] / (by_sums(kernel, 4000) + np.exp(-END)) - 1)
+    assert error < max(rtol, 10 * sol.stats["kernel_error"])
+
+
+def test_a_daily_table_that_its_sum_misses_warns():
+    """Its values between the days are unknown, so the run goes on to the end."""
+    memory = [hd.Memory(DENSITIES["daily table"][0], 0)]
+    eq = hd.Equation(0 * hd.Caputo(1), growth, 1.0, params=[REPRODUCTION], memory=memory)
+    with pytest.warns(hd.KernelWarning, match="a kernel differs by up to") as caught:
+        sol = hd.solve(eq, END, rtol=1e-7)
+    assert len(caught) == 1
+    assert sol.success
+    assert 1e-7 < sol.stats["kernel_error"] < 1e-5
 
 
 def reproduction(t):

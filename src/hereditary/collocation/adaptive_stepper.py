@@ -566,7 +566,7 @@ class AdaptiveStepper(ResumableStepper, TangentStepper, JumpingStepper):
             closest = self._closest(first)
         errors = self._orbit.prefit_kernels(closest, self._farthest, self._known, self.modes_tol)
         warn_of_fit(errors.noise, self._tolerances[0])
-        self._least = self._view.least(t_end, errors.exact, self._allowed.by_size)
+        self._least = self._view.least(t_end, max(errors), self._allowed.by_size)
 
     def _refine_modes(self, closest):
         """Refine the modes so that they are accurate from the time lag `closest` on."""
@@ -653,7 +653,7 @@ class AdaptiveStepper(ResumableStepper, TangentStepper, JumpingStepper):
     @property
     def health(self):
         """Misfit of the kernels to the tolerance, and the time of a force that steps missed."""
-        misfit = self._orbit.kernels.errors.misfit(self._tolerances[0])
+        misfit = self._orbit.kernels.errors.misfit(self._allowed.rtol)
         return Health(misfit=misfit, missed=float(self._control["missed"]))
 
     def set_breaks(self, times, t_end):

@@ -120,6 +120,11 @@ class Kernel(MemoryKernel):
         """Exponent a of ``K ~ t**-a`` near 0 [-]: the given one, or the slope of values near 0."""
         return self._exponent
 
+    @property
+    def measured(self) -> bool:
+        """Whether the kernel is that of a table, whose values between the data are unknown."""
+        return self._knots.size > 0
+
     def __call__(self, t: ArrayLike) -> np.ndarray:
         """Return the kernel values, the shape of `t`."""
         t = np.asarray(t, dtype=float)
@@ -258,8 +263,6 @@ class TabulatedKernel(Kernel):
     >>> bool(abs(fit(1.0) * np.e - 1) < 0.01), bool((fit.weights > 0).all())
     (True, True)
     """
-
-    measured = True
 
     def __init__(self, t: ArrayLike, values: ArrayLike) -> None:
         times, kernel = _columns(t, values)

@@ -371,7 +371,7 @@ class KernelErrors(NamedTuple):
         if error <= tol:
             return ""
         clause = f"its sum of exponentials differs by up to {error:.1e}"
-        return f"{clause}, more than the {tol:.0e} asked for; {_ADVICE}"
+        return f"{clause}, more than the {tol:.0e} allowed; {_ADVICE}"
 
 
 NO_ERRORS = KernelErrors()
