@@ -316,6 +316,21 @@ def test_fits_of_responses(name, response):
     assert np.array_equal(found.model.relaxation(t), model(**found.parameters).relaxation(t))
 
 
+def test_parameters_that_data_do_not_determine_have_no_errors():
+    """A spring in parallel with another changes the sum alone."""
+
+    def model(e, g, viscosity):
+        return ve.parallel(spring(e), spring(g), ve.maxwell(spring(1.0), ve.dashpot(viscosity)))
+
+    t, guess = np.geomspace(0.1, 10.0, 20), {"e": 1.0, "g": 2.0, "viscosity": 1.0}
+    data = model(2.0, 2.0, 3.0).relaxation(t) * (1 + 0.01 * np.sin(9 * t))
+    with pytest.warns(hd.IdentifiabilityWarning, match="do not tell e and g"):
+        found = ve.fit_relaxation(model, t, data, guess)
+    assert np.isnan([found.standard_errors["e"], found.standard_errors["g"]]).all()
+    assert found.parameters["e"] + found.parameters["g"] == pytest.approx(4.0, rel=0.05)
+    assert 0 < found.standard_errors["viscosity"] < 0.2 * found.parameters["viscosity"]
+
+
 def test_refusals():
     with pytest.raises(
         ValueError, match="model must have relaxation above 0, got 0 from SpringPot"

@@ -20,7 +20,7 @@ import importlib.metadata
 
 from . import scenes, viscoelastic
 from .analysis.convergence import ConvergenceTable, convergence_table
-from .analysis.fitting import FitResult, IdentifiabilityWarning, fit
+from .analysis.fitting import FitResult, fit
 from .analysis.frequency_response import FrequencyResponse, frequency_response
 from .analysis.growth import LyapunovResult
 from .analysis.lyapunov import lyapunov
@@ -75,6 +75,7 @@ from .solver.accuracy import Accuracy
 from .solver.solution import Solution
 from .solver.solve import solve
 from .stepping.status import SolveWarning, StabilityWarning, Status
+from .support.covariance import IdentifiabilityWarning
 
 __version__ = importlib.metadata.version("hereditary")
 

@@ -32,6 +32,7 @@ from .support.checks import (
     shown,
     within,
 )
+from .support.covariance import covariance_of
 
 __all__ = [
     "Combined",
@@ -324,7 +325,8 @@ class ModelFit:
     Attributes
     ----------
     parameters, standard_errors : dict
-        By name; errors by the linear theory of least squares, NaN at a bound.
+        By name; errors by the linear theory of least squares, NaN at a bound and for a parameter
+        that the data do not determine. `hereditary.IdentifiabilityWarning` names the latter.
     model : Model
         The model with these parameters.
     residuals : ndarray, shape (n,), or (2, n) for G' and G''
@@ -477,10 +479,9 @@ def _fitted(
         got, remedy = f"0 from {made(start)!r}", "add an element that responds"
         refuse("model", f"have {names_of_rows} above 0", got, remedy)
     found = least_squares(residuals, start, bounds=tuple(limits), x_scale=start)
-    free = found.active_mask == 0
-    errors, left = np.full(start.size, np.nan), max(1, data.size - start.size)
-    inverse = np.linalg.pinv(found.jac[:, free].T @ found.jac[:, free])
-    errors[free] = np.sqrt(np.diag(inverse) * 2 * found.cost / left)
+    sizes, at_bound = np.maximum(found.x, start), found.active_mask != 0
+    covariance, _ = covariance_of(found, sizes, at_bound, True, names)
+    errors = np.sqrt(np.diag(covariance))
     return ModelFit(
         parameters=dict(zip(names, found.x.tolist(), strict=True)),
         standard_errors=dict(zip(names, errors.tolist(), strict=True)),

@@ -6,7 +6,7 @@ import reprlib
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
-from typing import Any, Literal, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -28,16 +28,13 @@ from ..support.checks import (
     refuse,
     shown,
 )
-from ..support.warning import silence, warn
+from ..support.covariance import covariance_of
+from ..support.warning import silence
 from .sensitivity import obstacle, sensitivities
 
 # Relative change of parameters in difference quotients. Runs to a tolerance of 1e-8 leave errors of
 # 1e-4 in the quotients.
 _CHANGE = 1e-4
-# Ratio of singular values below which data do not determine a combination of parameters.
-_UNDETERMINED = 1e-4
-# A parameter has no error if its coefficient in an undetermined combination exceeds this.
-_SHARE = 0.01
 # A residual that is not a number counts as ten times the largest one, or as this multiple of the
 # largest datum.
 _FAR = 1e2
@@ -50,10 +47,6 @@ _OF_TANGENTS = {"rtol", "atol", "scheme", "history", "breaks", "max_step", "esti
 _LOSSES = "linear", "soft_l1", "huber", "cauchy", "arctan"
 # Fewest points of the curve of a fitted model: about the pixels of a figure's width.
 _FINE = 1000
-
-
-class IdentifiabilityWarning(UserWarning):
-    """Data do not determine all parameters: a combination of them does not change the residuals."""
 
 
 class Series(NamedTuple):
@@ -259,7 +252,7 @@ def fit(
     solutions = runs.solutions(equations)
     completed = all(sol.success for sol in solutions)
     sizes = np.maximum(np.abs(best) / scale, 1.0)
-    covariance, singular = _covariance(found, sizes, at_bound, estimated, completed and names)
+    covariance, singular = covariance_of(found, sizes, at_bound, estimated, completed and names)
     covariance *= np.outer(scale, scale) if completed else np.nan
     errors = np.sqrt(np.diag(covariance))
     with np.errstate(invalid="ignore", divide="ignore"):
@@ -532,42 +525,6 @@ def _bounds(
             refuse(f"bounds[{name!r}]", required, shown(pair))
         low[k], high[k] = limits
     return low, high
-
-
-def _covariance(
-    found: Any,
-    scale: np.ndarray,
-    at_bound: np.ndarray,
-    estimated: bool,
-    names: list[str] | Literal[False],
-) -> tuple[np.ndarray, np.ndarray]:
-    """Return the covariance of parameters, and the singular values for changes by their scale.
-
-    Entries are NaN for a parameter at a bound, and for one in a combination that does not change
-    residuals. The function warns of such combinations if `names` are given.
-    """
-    free = np.flatnonzero(~at_bound)
-    jacobian = found.jac[:, free] * scale[free]
-    sizes = np.linalg.norm(jacobian, axis=0)
-    dead = sizes <= _UNDETERMINED * sizes.max(initial=0.0)
-    sizes[dead] = 1.0
-    _, singular, rows = np.linalg.svd(np.where(dead, 0.0, jacobian) / sizes, full_matrices=False)
-    determined = singular > _UNDETERMINED * singular.max(initial=0.0)
-    shares = np.linalg.norm(rows[~determined], axis=0)
-    unknown = shares > _SHARE
-    if names and unknown.any():
-        parts = " and ".join(names[k] for k in free[unknown])
-        warn(f"data do not tell {parts}: fix one of them, or measure more", IdentifiabilityWarning)
-    inverse = np.where(determined, 1 / np.where(determined, singular, 1.0), 0.0)
-    half = (rows.T * inverse) * (scale[free] / sizes)[:, None]
-    spread = half @ half.T
-    if estimated:
-        freedom = found.jac.shape[0] - free.size
-        spread *= 2 * found.cost / freedom if freedom > 0 else np.nan
-    spread[unknown] = spread[:, unknown] = np.nan
-    covariance = np.full((scale.size, scale.size), np.nan)
-    covariance[np.ix_(free, free)] = spread
-    return covariance, singular
 
 
 def _series(t: Any, data: Any, sigma: Any) -> list[Series]:
