@@ -409,6 +409,14 @@ def mixed(c):
     return hd.Equation(hd.Caputo(0.9) + c * hd.Caputo(0.4), lambda t, y: -y, 1.0)
 
 
+def noisy():
+    """A past that is drawn anew by each call."""
+    draw = np.random.default_rng(0).normal
+    return hd.Equation(
+        C(1), lambda t, y, m: -m[0], 1.0, memory=hd.Delay(1.0, past=lambda t: float(draw()))
+    )
+
+
 def resting():
     return hd.Equation(hd.Caputo(0.5), lambda t, y: 0 * y, 1.0)
 
@@ -422,6 +430,8 @@ OF_ONE_PART = [
     (lambda: hd.derivative([0.0, 1.0], lambda t: np.ones((2, 2, 2)), hd.Caputo(0.5)),
      ValueError, r"y must return shape \(k,\) or \(k, d\)"),
     (lambda: hd.Delay(1.0, past="warm"), TypeError, "past must be numbers or a function of t"),
+    *each(lambda how: hd.solve(noisy(), 1.0, **how), [{"rtol": 1e-6}, {"n_steps": 10}],
+          ValueError, "past must return equal values at equal times"),
     (lambda: hd.frequency_response(mixed(1.0).replace(t_start=1.0), [1.0], frequency=0),
      ValueError, "t_start must be 0"),
     (lambda: hd.Collocation().plan(None, 0.1), ValueError, "n_steps must be left out with Coll"),

@@ -46,6 +46,8 @@ _ALIKE = 1e-12
 _SAMPLES = 1000
 _FOR_EACH = 20
 _MOST_SAMPLES = 50_000
+# Times at which a past is called twice: one that is random has no table, and takes minutes.
+_AGAIN = 4
 # Difference of a past from its table, as a fraction of rtol.
 _OF_RTOL = 1e-4
 # The same on given steps, and the least with a tolerance: a fraction of the size of a component.
@@ -154,11 +156,15 @@ class DelayedStepper(ResumableStepper, JumpingStepper):
     def _past_of(self, delay: Delayed, tol: float) -> Piecewise | None:
         """Return the past that a delay still reads, as polynomials; None for a constant.
 
-        Warns if the past varies too fast for them.
+        Refuses a past that is random. Warns if the past varies too fast for them.
         """
         first = float(delay.ago(np.array([self._inner.t]))[0])
         if not callable(delay.past.delay.past) or first >= 0:
             return None
+        some = np.linspace(first, 0.0, _AGAIN, endpoint=False)
+        if not np.array_equal(delay.before(some), delay.before(some)):
+            remedy = "interpolate values that are drawn once, by numpy.interp"
+            refuse("past", "return equal values at equal times", "others in a second call", remedy)
         found = piecewise(delay.before, first, 0.0, _SAMPLES, self._fit_tolerance(tol, first, 0.0))
         if found.missed:
             warn(
