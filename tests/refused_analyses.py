@@ -503,6 +503,8 @@ FITS = [
           ValueError, "n_steps or rtol must be given, one of the two, got (neither|both)"),
     *each(lambda rtol: hd.convergence_table(hd.scenes.relaxation(0.6), 2.0, rtol=rtol),
           [1e-6, [1e-8, 1e-6]], ValueError, "rtol must be two or more decreasing tolerances"),
+    (lambda: hd.convergence_table(hd.scenes.relaxation(0.6), 2.0, rtol=[1e-6, 1e-12]),
+     ValueError, "rtol must exceed 1e-12, the tolerance of the run that others are compared with"),
     (lambda: hd.convergence_table(hd.scenes.relaxation(0.6), 2.0, [100, 200.5]),
      BAD, "n_steps must be a positive integer"),
     (lambda: hd.convergence_table(hd.scenes.relaxation(0.6), 2.0, [100, 200], exact=np.sin),

@@ -173,6 +173,11 @@ def convergence_table(
         asked = [{"rtol": each} for each in tolerances.tolist()]
         if known is None:
             finest = max(_FINER * float(tolerances[-1]), TOLERANCE_FLOOR)
+            if tolerances[-1] <= finest:
+                required = (
+                    f"exceed {finest:g}, the tolerance of the run that others are compared with"
+                )
+                refuse("rtol", required, shown(tolerances), "leave it out, or give exact")
             known, by = run(rtol=finest), f"errors against a run with rtol = {finest:g}"
     numbers, errors = [], []
     for steps in asked:
