@@ -27,7 +27,7 @@ from .solver.output import room_for
 from .solver.progress import Interruption, ProgressBar
 from .solver.run import Drive, reached_end, report
 from .solver.saving import read_result, write_result
-from .solver.solution import labelled_columns
+from .solver.solution import labelled_columns, numbered
 from .solver.solve import (
     CHANGES,
     chosen_scheme,
@@ -94,6 +94,8 @@ class Ensemble:
     t_events, y_events : list of list of ndarray
         For each member, the times (k,) of the zeros of each event function, and the solution (k, d)
         there. Empty lists if there are no events.
+    components : ndarray, shape (d,), or None
+        Numbers of the components that the rows have, if the argument `components` chose some.
     """
 
     t: np.ndarray
@@ -104,6 +106,7 @@ class Ensemble:
     stats: dict[str, Any] = field(repr=False)
     t_events: list[list[np.ndarray]] = field(default_factory=list, repr=False)
     y_events: list[list[np.ndarray]] = field(default_factory=list, repr=False)
+    components: np.ndarray | None = field(default=None, repr=False)
 
     @property
     def success(self) -> np.ndarray:
@@ -124,7 +127,7 @@ class Ensemble:
         flat = {name: a if a is None else a.reshape(-1, a.shape[2]) for name, a in tables.items()}
         axes = range(len(self)), self.t
         index = pandas.MultiIndex.from_product(axes, names=["member", "t"])
-        return pandas.DataFrame(labelled_columns(**flat), index=index)
+        return pandas.DataFrame(labelled_columns(self.components, **flat), index=index)
 
     def to_xarray(self) -> Any:
         """Return the rows as an xarray Dataset.
@@ -141,9 +144,10 @@ class Ensemble:
         variables = {name: (dims, array) for name, array in tables.items() if array is not None}
         of_member = {name: self.stats[name] for name in _COUNTS} | {"status": self.status}
         variables |= {name: (dims[:1], array) for name, array in of_member.items()}
-        coordinates = dict(zip(dims[::2], map(np.arange, self.y.shape[::2]), strict=True))
+        numbers = np.arange(len(self)), self.t, numbered(self.components, self.y)
+        coordinates = dict(zip(dims, numbers, strict=True))
         attributes = {"seconds": self.stats["seconds"]}
-        return xarray.Dataset(variables, coords=coordinates | {"t": self.t}, attrs=attributes)
+        return xarray.Dataset(variables, coords=coordinates, attrs=attributes)
 
     def save(self, path: str | os.PathLike) -> None:
         """Write all results to a compressed .npz file, named exactly `path`.
@@ -153,6 +157,7 @@ class Ensemble:
         path : path-like
         """
         arrays = {"t": self.t, "y": self.y, "ydot": self.ydot, "status": self.status}
+        arrays["components"] = self.components
         arrays |= {name: self.stats[name] for name in _COUNTS}
         for k, of_members in enumerate(zip(*self.t_events, strict=True)):
             arrays[f"n_events_{k}"] = np.array([len(times) for times in of_members])
@@ -188,7 +193,7 @@ class Ensemble:
         stats = {name: arrays[name] for name in _COUNTS} | {"seconds": text["seconds"]}
         messages = {int(m): message for m, message in text["messages"].items()}
         rows = arrays["t"], arrays["y"], arrays.get("ydot"), arrays["status"]
-        return cls(*rows, messages, stats, events["t_events"], events["y_events"])
+        return cls(*rows, messages, stats, *events.values(), arrays.get("components"))
 
     def __len__(self) -> int:
         return len(self.y)
@@ -659,6 +664,7 @@ class _Run:
             stats={"n_steps": np.array(n_steps), "n_rhs": np.array(n_rhs), "seconds": seconds},
             t_events=[times for times, _ in self._events] if self._how["events"] else [],
             y_events=[rows for _, rows in self._events] if self._how["events"] else [],
+            components=self._how["components"],
         )
 
 

@@ -1,6 +1,8 @@
 """Solutions in files and as tables of other packages."""
 
+import pickle
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 import pytest
@@ -137,8 +139,11 @@ def test_a_history_that_holds_other_objects_has_rows_alone_in_a_file(tmp_path):
     with pytest.warns(UserWarning, match=r"no state: state\.history\.note is a .*Note"):
         sol.save(tmp_path / "kept")
     found = hd.Solution.load(tmp_path / "kept")
-    assert found.state is None
     assert np.array_equal(found.y, sol.y)
+    found.save(tmp_path / "again")
+    for each in (found, pickle.loads(pickle.dumps(found)), hd.Solution.load(tmp_path / "again")):
+        with pytest.raises(ValueError, match="have a state to resume, got one from a file without"):
+            hd.solve(hd.scenes.relaxation(0.6), 2.0, resume=each.state)
 
 
 def test_pandas(solution):
@@ -157,6 +162,17 @@ def test_xarray(solution):
     assert data.y.dims == ("t", "component")
     assert data.attrs["status"] == solution.status
     assert data.attrs["n_steps"] == solution.stats["n_steps"]
+
+
+@pytest.mark.parametrize("solve", [hd.solve, partial(hd.ensemble, params=[[10, 28, 8 / 3]] * 2)])
+def test_chosen_components_keep_their_numbers(solve, tmp_path):
+    pytest.importorskip("xarray")
+    found = solve(hd.scenes.lorenz(), 0.1, n_steps=10, components=[2, 0])
+    found.save(tmp_path / "kept")
+    for each in (found, type(found).load(tmp_path / "kept")):
+        assert list(each.to_pandas()) == ["y[2]", "y[0]"]
+        assert each.to_xarray().component.values.tolist() == [2, 0]
+        assert np.array_equal(each.to_xarray().y.sel(component=0), each.y[..., 1])
 
 
 @pytest.mark.parametrize("package", ["pandas", "xarray"])

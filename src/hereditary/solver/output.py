@@ -55,11 +55,13 @@ class Output:
         Whether an event has ended the run, or this part of it, at `end`.
     jumps : list of float
         Times at which y jumped.
+    components : ndarray or None
+        As `Kept` has them.
     """
 
     def __init__(self, stepper: Stepper, stop: float, kept: Kept, events: Events) -> None:
         self._stepper, self._stop, self._counted = stepper, stop, stepper.counted
-        self._every, times, self._components = kept
+        self._every, times, self.components = kept
         self._frame, self._asked, self.events = stepper.system.frame, times, events
         self._wanted = np.empty(0) if times is None else times - self._frame.start
         # number of steps: of all runs with given steps, of this run with adaptive ones
@@ -77,7 +79,7 @@ class Output:
         most = _SOME if times is None else self._wanted.size
         if times is None and self._counted:
             most = int(stop) // every - n // every + (stop % every > 0) + 2
-        width = y.size if self._components is None else self._components.size
+        width = y.size if self.components is None else self.components.size
         self._rows: Any = room_for(most, width, times is None)
         self._size = 0
         if times is None:
@@ -93,8 +95,8 @@ class Output:
             self._rows = tuple(
                 np.concatenate([part, np.empty((end, *part.shape[1:]))]) for part in self._rows
             )
-        if self._components is not None:
-            y, ydot = y[:, self._components], ydot[:, self._components]
+        if self.components is not None:
+            y, ydot = y[:, self.components], ydot[:, self.components]
         for part, values in zip(self._rows, (t, y, ydot), strict=True):
             part[self._size : end] = values
         self._size = end
@@ -111,7 +113,7 @@ class Output:
         if self._asked is not None:
             self._take_wanted(piece)
             return
-        if not self._counted and self._components is None:
+        if not self._counted and self.components is None:
             self._dense.add(piece, start)
         chosen = self._chosen(edges)
         self._add(edges[1:][chosen], *piece.at_ends(edges[1:], chosen, self._second, self._sloped))
@@ -175,7 +177,7 @@ class Output:
         at_end = stepper.position == self._stop and not self.ended
         if at_end:
             t[-1] = t_end - start  # n h may miss it by rounding
-        dense = self._dense if self._components is None else None
+        dense = self._dense if self.components is None else None
         if dense and self._counted:
             dense = dense if self._every == 1 and t.size > 1 else None
             if dense:

@@ -130,6 +130,7 @@ def run(
             frame.values(np.array(rows).reshape(-1, stepper.y.size))
             for rows in events.values[:n_events]
         ],
+        components=output.components,
     )
     pass_on(ended.error, solution)
     return solution

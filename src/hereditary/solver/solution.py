@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
 _SAVED = "be a solution that Solution.save wrote"
 # Fields of a solution that `Solution.save` writes as arrays.
-_ARRAYS = "t", "y", "ydot"
+_ARRAYS = "t", "y", "ydot", "components"
 # Statuses of runs that ended as the user wanted, without a warning.
 _QUIET = (Status.COMPLETED, Status.EVENT, Status.INTERRUPTED)
 
@@ -81,6 +81,8 @@ class Solution:
         Dense output for ``sol(t)``; None if the run did not keep every step.
     t_events, y_events : list of ndarray
         For each event function the times (k,) of its zeros, and the solution (k, d) there.
+    components : ndarray, shape (d,), or None
+        Numbers of the components that the rows have, if the argument `components` chose some.
     accuracy : Accuracy or None
         Errors of all components over the run, from which error_estimate on given steps is.
     provenance : Provenance or None
@@ -97,6 +99,7 @@ class Solution:
     dense: Dense | None = field(default=None, repr=False)
     t_events: list[np.ndarray] = field(default_factory=list, repr=False)
     y_events: list[np.ndarray] = field(default_factory=list, repr=False)
+    components: np.ndarray | None = field(default=None, repr=False)
     accuracy: Accuracy | None = field(default=None, repr=False)
     provenance: Provenance | None = field(default=None, repr=False)
     # a right-hand side may read a solution: its contents never change, so its digest is kept
@@ -107,12 +110,14 @@ class Solution:
         """Everything that is needed to resume the run: ``solve(eq, t_later, resume=sol.state)``.
 
         It has a few kilobytes with `SumOfExponentials`, and the complete past with `Direct`. With
-        ten or more components an implicit scheme adds 32 d**2 bytes.
+        ten or more components an implicit scheme adds 32 d**2 bytes. A file may have none, as
+        `save` warns; ValueError then.
         """
         return self.left() if callable(self.left) else self.left
 
     def __getstate__(self) -> dict[str, Any]:
-        return vars(self) | {"left": self.state, "provenance": None}
+        left = self.left if self.left is _left_out else self.state
+        return vars(self) | {"left": left, "provenance": None}
 
     @property
     def success(self) -> bool:
@@ -215,7 +220,7 @@ class Solution:
             Indexed by t, with columns "y[0]", "y[1]", ... and, if there is y', "ydot[0]", ...
         """
         pandas = optional("pandas", "to_pandas")
-        columns = labelled_columns(y=self.y, ydot=self.ydot)
+        columns = labelled_columns(self.components, y=self.y, ydot=self.ydot)
         return pandas.DataFrame(columns, index=pandas.Index(self.t, name="t"))
 
     def to_xarray(self) -> Any:
@@ -233,7 +238,7 @@ class Solution:
         variables = {name: (dims, rows) for name, rows in values.items() if rows is not None}
         stats = {k: v for k, v in self.stats.items() if np.isscalar(v)}
         attributes = {"status": str(self.status), "message": self.message} | stats
-        coordinates = {"t": self.t, "component": np.arange(self.y.shape[1])}
+        coordinates = {"t": self.t, "component": numbered(self.components, self.y)}
         return xarray.Dataset(variables, coords=coordinates, attrs=attributes)
 
     def save(self, path: str | os.PathLike) -> None:
@@ -256,7 +261,7 @@ class Solution:
             arrays |= {f"t_events_{k}": times, f"y_events_{k}": rows}
         kept: dict[str, Any] = {"status": str(self.status), "message": self.message}
         kept["stats"] = {name: _plain(value) for name, value in self.stats.items()}
-        if self.state is not None:
+        if self.left is not _left_out and self.state is not None:
             of_state: dict[str, Any] = {}
             try:
                 kept["state"] = stored_state(self.state, of_state)
@@ -308,7 +313,8 @@ class Solution:
         of_state, state = take_arrays(arrays), kept.get("state")
         statuses = {str(status): status for status in Status}
         known = {"status": statuses[kept["status"]], "message": kept["message"], "ydot": None}
-        known |= {"left": state and partial(state_from, state, of_state), "stats": kept["stats"]}
+        left = partial(state_from, state, of_state) if state else _left_out
+        known |= {"left": left, "stats": kept["stats"]}
         if not {"t", "y"} <= arrays.keys() <= {field.name for field in fields(cls)}:
             raise KeyError("t, y")
         return cls(**(known | arrays | events))
@@ -319,14 +325,27 @@ class Solution:
         return f"Solution({self.message}; {rows}{times})"
 
 
-def labelled_columns(**tables: np.ndarray | None) -> dict[str, np.ndarray]:
+def numbered(components: np.ndarray | None, rows: np.ndarray) -> np.ndarray:
+    """Return the numbers (d,) of the components that rows (..., d) have, `components` or all."""
+    return np.arange(rows.shape[-1]) if components is None else components
+
+
+def labelled_columns(
+    components: np.ndarray | None, **tables: np.ndarray | None
+) -> dict[str, np.ndarray]:
     """Return the columns of tables (n, d) that are not None, labelled "y[0]", "y[1]", ..."""
     return {
-        f"{name}[{c}]": rows[:, c]
+        f"{name}[{c}]": column
         for name, rows in tables.items()
         if rows is not None
-        for c in range(rows.shape[1])
+        for c, column in zip(numbered(components, rows), rows.T, strict=True)
     }
+
+
+def _left_out() -> None:
+    """Refuse to return the state of a solution whose file has none."""
+    required, remedy = "have a state to resume", "pickle the state of the run itself"
+    refuse("solution", required, "one from a file without", remedy)
 
 
 def _plain(value: Any) -> Any:
