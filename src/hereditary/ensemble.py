@@ -193,7 +193,8 @@ class Ensemble:
         stats = {name: arrays[name] for name in _COUNTS} | {"seconds": text["seconds"]}
         messages = {int(m): message for m, message in text["messages"].items()}
         rows = arrays["t"], arrays["y"], arrays.get("ydot"), arrays["status"]
-        return cls(*rows, messages, stats, *events.values(), arrays.get("components"))
+        chosen = arrays.get("components")
+        return cls(*rows, messages, stats, events["t_events"], events["y_events"], chosen)
 
     def __len__(self) -> int:
         return len(self.y)

@@ -654,7 +654,7 @@ class AdaptiveStepper(ResumableStepper, TangentStepper, JumpingStepper):
     def health(self):
         """Misfit of the kernels to the tolerance, and the time of a force that steps missed.
 
-        The tolerance of memory that f reads is that of a step, because its errors add up: in
+        The tolerance of memory that f reads is that of a step, because its errors add up. In
         renewal equations over 8 to 30 generations y errs by up to 11 errors of the kernel.
         """
         rtol = self._allowed.rtol if is_read(self.system) else self._errors.rtol
