@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import copy
 from dataclasses import replace
-from typing import NamedTuple
 
 import numpy as np
 
@@ -33,7 +32,6 @@ from .endings import (
     of_near_orders,
 )
 from .equations import integral_form
-from .error_estimate import SMALL, raise_small_once
 from .first_rule import convolutions, first_rule
 from .jumps import jump
 from .march import (
@@ -55,11 +53,11 @@ from .quadrature import radau_nodes, rule_of, shortened_legendre
 from .reading import Plain, Reading, is_read
 from .singular_start import VANISHING, trials
 from .stage_solver import has_stages, stage_solver
+from .step_limits import StepLimits
 from .structures import (
     AT_EDGE,
     AdaptiveWork,
     ExponentialBasis,
-    Limits,
     OrbitArrays,
     Steps,
     StepTables,
@@ -68,124 +66,28 @@ from .structures import (
     initial_state,
     restored_state,
 )
+from .tolerances import (
+    _MODES_FRACTION,
+    _OF_MODES,
+    _OF_ROUNDING,
+    _RESOLVED,
+    _ROUNDING,
+    _UNRESOLVED,
+    OF_SIZE,
+    SMALL,
+    STEP_FRACTION,
+    Allowed,
+    Tolerance,
+    raise_small_once,
+)
 from .varying import OrderTables
 
-# Default of the largest number of steps of a run.
-MAX_STEPS = 1_000_000
-# Longest step while the solution is at rest, as fraction of the run. A longer step could miss a
-# force that sets in later.
-_DORMANT = 1 / 32
 # Longest first step of a solution at rest, as a fraction of the longest step at rest: the nodes of
 # first steps are further apart.
 _FIRST_AT_REST = 1 / 16
-# A run stalls after this many consecutive blocks, of 200 steps or more each, that are still and
-# slow. The last block then covers at most twice the time of the first.
-_STALLED_BLOCKS = 4
-# A block is still if the solution changes by less than this fraction of its size.
-_STILL = 1e-2
-# If more than this fraction of the accepted steps is rejected, a block is slow when `max_steps`
-# does not suffice to the end.
-_REFUSED = 0.125
-# Number of steps to the end of the run. A block is slow if, at its speed, the run needs more.
-_MOST_STEPS = 1e7
 _CORNERS = "name times of jumps and corners of the right-hand side, as a table has, in breaks"
 
 
-class StepLimits:
-    """Step limits of one run, and detection of a run that makes no progress.
-
-    Parameters
-    ----------
-    max_step : float or None
-        Longest step [time].
-    max_steps : int
-        Largest number of steps.
-
-    Attributes
-    ----------
-    longest : ndarray, shape (2,)
-        The longest step, and the longest step while the solution is at rest [time].
-    last_step : int
-        Number of the last step allowed, counted from t = 0.
-    """
-
-    def __init__(self, max_step, max_steps):
-        self._max_step, self._max_steps = max_step or np.inf, max_steps
-        self.longest, self.last_step = np.zeros(2), 0
-        self._slow: list[float] = []
-        self._t_end = np.inf
-
-    def begin(self, t, t_end, n_steps):
-        """Set the limits of a run from t to t_end, if `n_steps` steps were accepted before t."""
-        longest, self._t_end = min(self._max_step, t_end - t), t_end
-        self.longest = np.array([longest, min(longest, _DORMANT * (t_end - t))])
-        self.last_step = n_steps + self._max_steps
-
-    def limits(self, system, origin, t_stop, tolerances):
-        """Return the `Limits` of a march from `origin` to `t_stop`, with tolerances `Allowed`."""
-        times = t_stop, system.beside(origin, 1), system.beside(t_stop, -1)
-        return Limits._make([*times, *self.longest.tolist(), *tolerances, self._t_end])
-
-    def used_up(self, n_steps):
-        """Return whether a run has made all the steps that are allowed."""
-        return n_steps >= self.last_step
-
-    def is_stalled(self, since, earlier, t, counts, t_stop, at_starts, sizes):
-        """Return whether steps stay short although the solution hardly changes.
-
-        Parameters
-        ----------
-        since, t : float
-            Times of the start and the end of the last batch of steps.
-        earlier, counts : np.void
-            Counts of the march at these times.
-        t_stop : float
-            Time to which the march goes.
-        at_starts : ndarray, shape (n, 2, d)
-            y and p at the starts of the n steps of the batch.
-        sizes : ndarray, shape (2, d)
-            Sizes of y and p to which the tolerance is relative.
-        """
-        accepted, refused = (
-            counts["accepted"] - earlier["accepted"],
-            counts["refused"] - earlier["refused"],
-        )
-        if accepted < 200:
-            return False
-        advance, left, n_steps = t - since, t_stop - t, int(counts["accepted"])
-        largest = np.abs(at_starts).max(axis=0)
-        still = np.ptp(at_starts, axis=0) <= _STILL * (
-            _STILL * np.maximum(sizes, largest) + largest
-        )
-        allowed = min(self.last_step - n_steps, _MOST_STEPS)
-        needed = left * accepted / advance
-        slow = needed > (allowed if refused > _REFUSED * accepted else _MOST_STEPS)
-        self._slow = [*self._slow, advance][-_STALLED_BLOCKS:] if slow and still.all() else []
-        return len(self._slow) == _STALLED_BLOCKS and self._slow[-1] <= 2 * self._slow[0]
-
-
-# Largest error of one step, as fraction of the tolerance of a run.
-STEP_FRACTION = 0.1
-# Fraction of the error of a step for that of the modes, whose errors add up along undamped orbits.
-# With 1e-2, D^0.5 y = 10 (y1 - y2, y1 + y2) errs by 23 tolerances after 3,180 periods. The problems
-# of convergence/work_precision.py need the same time.
-_MODES_FRACTION = 1e-4
-# Without damping, errors of the modes add up to this multiple of the error of their fit, for each
-# size of y by which y moves (convergence/undamped.py).
-_OF_MODES = 5.0
-# Relative error that rounding adds in each step of an undamped solution.
-_OF_ROUNDING = 1e-15
-# Tolerance relative to the size of a component, as fraction of rtol, if no atol is given.
-OF_SIZE = 0.01
-# First steps use the variable u with t = u**q. From this q on errors are estimated too small,
-# because u**q changes only near the end. The tolerance of the step is then multiplied by this
-# number over q.
-_RESOLVED = 10.0
-# Least factor by which the tolerance of a first step is multiplied.
-_UNRESOLVED = 5e-3
-# Least rtol of a first step because of rounding (measured for orders 1 + 1e-9 to 1.003, and y' at
-# rtol 1e-4 to 1e-10).
-_ROUNDING = 5e-14
 # Modes are fitted for steps this many times shorter than the present one, and so is each
 # refinement.
 _REFINE_BY = 32.0
@@ -199,38 +101,6 @@ _ROWS = 256
 _CLOSE = 1e-6
 # Most steps of one call of the compiled march if an event may cut it short.
 _FEW_ROWS = 8
-
-
-class Allowed(NamedTuple):
-    """Allowed errors of y: relative to |y|, absolute (d,), and relative to sizes of components."""
-
-    rtol: float
-    atol: np.ndarray
-    by_size: float
-
-    def times(self, factor):
-        """Return the allowed errors, multiplied by a factor."""
-        return Allowed(*(factor * error for error in self))
-
-    @property
-    def least(self):
-        """Return the allowed error at y = 0 of the component with the smallest one."""
-        return float(self.atol.min()) + self.by_size
-
-
-class Tolerance(NamedTuple):
-    """Tolerances of a run, and limits of its steps.
-
-    - rtol; atol: one number or one for each component of y, None for errors relative to sizes.
-    - modes: relative error of the modes; None for the error that the tolerances require.
-    - longest: longest step [time], or None; most: largest number of steps.
-    """
-
-    rtol: float
-    atol: float | tuple[float, ...] | None = None
-    modes: float | None = None
-    longest: float | None = None
-    most: int = MAX_STEPS
 
 
 def _rests(values):

@@ -12,11 +12,12 @@ import math
 import numpy as np
 
 from ..compiled.jacobian import LEAST
-from ..compiled.jit import F8, IVEC, VEC, entry, inner
+from ..compiled.jit import inner
 from ..compiled.linalg import clear, put
 from .newton import forces, nodal_slopes, residuals, solve_newton
 from .operators import FORCE, POSITION, PRIMARY, SLOPE, subtract_from_forces
 from .structures import ALGEBRAIC, AT_EDGE
+from .tolerances import ROUNDING_OF_SUMS, allowed_error
 
 # Smallest relative tolerance of tangents. Decayed tangents consist of rounding errors, which grow
 # when tangents are normalised.
@@ -26,8 +27,6 @@ _TANGENT = 1e-9
 _OF_QUOTIENT = 0.1
 # Rounding error of p, as a fraction of p(0).
 _ROUNDING = 1e-14
-# Rounding error of integrals of y over a step, as a fraction of y, where p is y'.
-ROUNDING_OF_SUMS = 1e-15
 # Largest decay from one Legendre coefficient to the next that is assumed if rounding hides both.
 _HIDDEN = 0.03
 # Fraction of the defect of f between the nodes that enters the error, for an f that jumps. For a
@@ -61,13 +60,6 @@ _MISSED = 10.0
 _AT_START = 5.0
 # Rounding error of y, as a fraction of the largest y of a step.
 _ROUNDING_OF_STEP = 1e-13
-# Change of y over the run that the allowed error of y' may cause, in units of the tolerance of y
-# relative to its size.
-OF_SPEED = 4.0
-# Least size of a component, as fraction of the largest component of the same quantity. With 1e-5 a
-# component of 1e-8 of the largest errs by 1.1 tolerances instead of 0.02 (six problems in random
-# units).
-SMALL = 1e-6
 
 
 @inner
@@ -372,60 +364,6 @@ def tangent_error_ratio(m, h, slot):
             for c in range(errors.shape[0]):
                 worst = max(worst, errors[c] / units[c] / (rtol * size))
     return worst
-
-
-@inner
-def raise_small(quantities, fraction, sizes):
-    """Raise the sizes of components, (d,), to a fraction of the largest size of their quantity.
-
-    `quantities` (d,) has the number of each component's quantity. Returns whether a quantity has
-    sizes of 0 only.
-    """
-    number, begins, more = 0, False, True
-    while more:
-        largest, more = 0.0, False
-        for c in range(sizes.shape[0]):
-            more = more or quantities[c] > number
-            if quantities[c] == number:
-                largest = max(largest, sizes[c])
-        for c in range(sizes.shape[0]):
-            if quantities[c] == number:
-                sizes[c] = max(sizes[c], fraction * largest)
-        begins = begins or largest == 0.0
-        number += 1
-    return begins
-
-
-@inner
-def raise_to_least(equations, sizes):
-    """Raise the sizes of components, (d,), to the least ones of their quantity and their source.
-
-    Returns whether a quantity has sizes of 0 only.
-    """
-    begins = raise_small(equations.quantities, SMALL, sizes)
-    for c in range(sizes.shape[0]):
-        sizes[c] = max(sizes[c], equations.least[c] * sizes[equations.sources[c]])
-    return begins
-
-
-@entry(IVEC, F8, VEC)
-def raise_small_once(quantities, fraction, sizes):
-    """Call the compiled function `raise_small` from Python."""
-    raise_small(quantities, fraction, sizes)
-
-
-@inner
-def allowed_error(c, value, size, is_speed, end, limits):
-    """Return the tolerance of component y_c, or of y_c' if `is_speed` is 1.
-
-    `value` is |y_c| or |y_c'|, and `size` is the size of y_c. The relative tolerance of y' is that
-    of y. The other parts are those of y divided by a time, over which the error of y' moves y. This
-    time is the length of the run, or `end` [time] for the absolute tolerance.
-    """
-    if is_speed == 1:
-        least = limits.atol[c] / max(1.0, end) + OF_SPEED * limits.by_size * size / limits.t_end
-        return least + limits.rtol * value
-    return limits.atol[c] + limits.by_size * size + limits.rtol * value
 
 
 @inner

@@ -13,14 +13,7 @@ from ..compiled.jit import VEC, as_value, compiled_type, entry, inner, plug_in
 from ..compiled.linalg import clear_matrix, put, put_cube, put_matrix
 from ..compiled.reference import Reference
 from .edge import solve_at_edge
-from .error_estimate import (
-    ROUNDING_OF_SUMS,
-    allowed_error,
-    orbit_error,
-    raise_small,
-    raise_to_least,
-    tangents_error,
-)
+from .error_estimate import orbit_error, tangents_error
 from .mode_tables import (
     advance_modes,
     fill_kernels,
@@ -53,14 +46,7 @@ from .structures import (
     Equations,
     Limits,
 )
-
-# Error of p that Newton's method may leave (its goal), as fraction of the error that a step may
-# make.
-_NEWTON = 0.01
-# Least goal of Newton's method for a small component, as fraction of the largest component of its
-# quantity. A small component may be the difference of equal ones, rounding of this size. With a
-# tenth, runs at rtol 1e-8 take up to three times the steps if such a difference drives others.
-_OF_OTHERS = 3e-15
+from .tolerances import raise_small, raise_to_least, set_newton_goal
 
 
 @inner
@@ -177,33 +163,6 @@ def raise_sizes(values, sizes):
         for i in range(values.shape[2]):
             size = abs(values[POSITION, c, i])
             sizes[c] = size if sizes[c] < size < np.inf else sizes[c]
-
-
-@inner
-def set_newton_goal(m, h):
-    """Set the error of p that Newton's method may leave, `m.room.goal` (d,).
-
-    It is a fraction of the tolerance. If the equation for p = y' has terms of y, the goal is at
-    least the error of p by rounding of y. This error counts up to the one that changes y by its
-    rounding over the step. The goal of a small component is at least the rounding error of the
-    largest component of its quantity.
-    """
-    equations, orbit, state, limits, room = m.equations, m.orbit, m.state, m.limits, m.room
-    terms, orders, second = equations.terms, equations.orders, equations.second
-    goal, d = room.goal, room.goal.shape[0]
-    for c in range(d):
-        size = max(state.largest[c], abs(orbit.p[0, c]))
-        goal[c] = _NEWTON * allowed_error(c, size, room.sizes[c], second[c], 1.0, limits)
-        room.hidden[c] = size if second[c] == 1 else room.sizes[c]
-    raise_small(equations.quantities, 1.0, room.hidden)
-    for c in range(d if limits.by_size > 0.0 else 0):
-        if state.sizes[c] < room.sizes[c]:
-            goal[c] = max(goal[c], _OF_OTHERS * room.hidden[c])
-    for n in range(terms.shape[0]):
-        c, k = terms[n].row, terms[n].index
-        if terms[n].integrand == POSITION and 0 <= k < orders.shape[0] and c < d:
-            gain = min(abs(terms[n].coefficient) * h ** orders[k], 1 / h)
-            goal[c] = max(goal[c], ROUNDING_OF_SUMS * abs(orbit.x[0, c]) * gain)
 
 
 @inner

@@ -4,8 +4,10 @@ import numpy as np
 
 from ..stepping.state import go_on_from
 from ..support.checks import count, left_out, positive, real_array, refuse, shown, within
-from .adaptive_stepper import MAX_STEPS, AdaptiveStepper, Tolerance
+from .adaptive_stepper import AdaptiveStepper
 from .algebraic import check_start
+from .step_limits import MAX_STEPS
+from .tolerances import Tolerance
 
 # Smallest relative tolerance. Below it, rounding in double precision decides the error.
 TOLERANCE_FLOOR = 1e-12

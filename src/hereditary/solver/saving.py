@@ -14,11 +14,11 @@ from typing import Any
 
 import numpy as np
 
-from ..collocation.adaptive_stepper import Tolerance
 from ..collocation.exponential_basis import KernelBasis, PowerLawBasis
 from ..collocation.first_rule import Variable
 from ..collocation.orbit import OrbitAndTangents
 from ..collocation.pieces import FirstPiece, PolynomialPieces
+from ..collocation.tolerances import Tolerance
 from ..collocation.varying import VaryingBasis
 from ..given.first_steps import FirstSteps
 from ..given.history.history import History

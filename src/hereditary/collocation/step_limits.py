@@ -1,0 +1,94 @@
+"""Limits of the steps of a run by collocation, and runs that make no progress."""
+
+import numpy as np
+
+from .structures import Limits
+
+# Default of the largest number of steps of a run.
+MAX_STEPS = 1_000_000
+# Longest step while the solution is at rest, as fraction of the run. A longer step could miss a
+# force that sets in later.
+_DORMANT = 1 / 32
+# A run stalls after this many consecutive blocks, of 200 steps or more each, that are still and
+# slow. The last block then covers at most twice the time of the first.
+_STALLED_BLOCKS = 4
+# A block is still if the solution changes by less than this fraction of its size.
+_STILL = 1e-2
+# If more than this fraction of the accepted steps is rejected, a block is slow when `max_steps`
+# does not suffice to the end.
+_REFUSED = 0.125
+# Number of steps to the end of the run. A block is slow if, at its speed, the run needs more.
+_MOST_STEPS = 1e7
+
+
+class StepLimits:
+    """Step limits of one run, and detection of a run that makes no progress.
+
+    Parameters
+    ----------
+    max_step : float or None
+        Longest step [time].
+    max_steps : int
+        Largest number of steps.
+
+    Attributes
+    ----------
+    longest : ndarray, shape (2,)
+        The longest step, and the longest step while the solution is at rest [time].
+    last_step : int
+        Number of the last step allowed, counted from t = 0.
+    """
+
+    def __init__(self, max_step, max_steps):
+        self._max_step, self._max_steps = max_step or np.inf, max_steps
+        self.longest, self.last_step = np.zeros(2), 0
+        self._slow: list[float] = []
+        self._t_end = np.inf
+
+    def begin(self, t, t_end, n_steps):
+        """Set the limits of a run from t to t_end, if `n_steps` steps were accepted before t."""
+        longest, self._t_end = min(self._max_step, t_end - t), t_end
+        self.longest = np.array([longest, min(longest, _DORMANT * (t_end - t))])
+        self.last_step = n_steps + self._max_steps
+
+    def limits(self, system, origin, t_stop, tolerances):
+        """Return the `Limits` of a march from `origin` to `t_stop`, with tolerances `Allowed`."""
+        times = t_stop, system.beside(origin, 1), system.beside(t_stop, -1)
+        return Limits._make([*times, *self.longest.tolist(), *tolerances, self._t_end])
+
+    def used_up(self, n_steps):
+        """Return whether a run has made all the steps that are allowed."""
+        return n_steps >= self.last_step
+
+    def is_stalled(self, since, earlier, t, counts, t_stop, at_starts, sizes):
+        """Return whether steps stay short although the solution hardly changes.
+
+        Parameters
+        ----------
+        since, t : float
+            Times of the start and the end of the last batch of steps.
+        earlier, counts : np.void
+            Counts of the march at these times.
+        t_stop : float
+            Time to which the march goes.
+        at_starts : ndarray, shape (n, 2, d)
+            y and p at the starts of the n steps of the batch.
+        sizes : ndarray, shape (2, d)
+            Sizes of y and p to which the tolerance is relative.
+        """
+        accepted, refused = (
+            counts["accepted"] - earlier["accepted"],
+            counts["refused"] - earlier["refused"],
+        )
+        if accepted < 200:
+            return False
+        advance, left, n_steps = t - since, t_stop - t, int(counts["accepted"])
+        largest = np.abs(at_starts).max(axis=0)
+        still = np.ptp(at_starts, axis=0) <= _STILL * (
+            _STILL * np.maximum(sizes, largest) + largest
+        )
+        allowed = min(self.last_step - n_steps, _MOST_STEPS)
+        needed = left * accepted / advance
+        slow = needed > (allowed if refused > _REFUSED * accepted else _MOST_STEPS)
+        self._slow = [*self._slow, advance][-_STALLED_BLOCKS:] if slow and still.all() else []
+        return len(self._slow) == _STALLED_BLOCKS and self._slow[-1] <= 2 * self._slow[0]

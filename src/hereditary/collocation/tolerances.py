@@ -1,0 +1,167 @@
+"""Allowed errors of a run by collocation: of the run, of a step, of its modes, of Newton's method.
+
+Letters of shapes: d components. The primary unknown p is y, or y' for orders above 1. `m` is an
+`AdaptiveWork`, `m.room` its workspace.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from ..compiled.jit import F8, IVEC, VEC, entry, inner
+from .operators import POSITION
+from .step_limits import MAX_STEPS
+
+# Largest error of one step, as fraction of the tolerance of a run.
+STEP_FRACTION = 0.1
+# Fraction of the error of a step for that of the modes, whose errors add up along undamped orbits.
+# With 1e-2, D^0.5 y = 10 (y1 - y2, y1 + y2) errs by 23 tolerances after 3,180 periods. The problems
+# of convergence/work_precision.py need the same time.
+_MODES_FRACTION = 1e-4
+# Without damping, errors of the modes add up to this multiple of the error of their fit, for each
+# size of y by which y moves (convergence/undamped.py).
+_OF_MODES = 5.0
+# Relative error that rounding adds in each step of an undamped solution.
+_OF_ROUNDING = 1e-15
+# Tolerance relative to the size of a component, as fraction of rtol, if no atol is given.
+OF_SIZE = 0.01
+# First steps use the variable u with t = u**q. From this q on errors are estimated too small,
+# because u**q changes only near the end. The tolerance of the step is then multiplied by this
+# number over q.
+_RESOLVED = 10.0
+# Least factor by which the tolerance of a first step is multiplied.
+_UNRESOLVED = 5e-3
+# Least rtol of a first step because of rounding (measured for orders 1 + 1e-9 to 1.003, and y' at
+# rtol 1e-4 to 1e-10).
+_ROUNDING = 5e-14
+# Error of p that Newton's method may leave (its goal), as fraction of the error that a step may
+# make.
+_NEWTON = 0.01
+# Least goal of Newton's method for a small component, as fraction of the largest component of its
+# quantity. A small component may be the difference of equal ones, rounding of this size. With a
+# tenth, runs at rtol 1e-8 take up to three times the steps if such a difference drives others.
+_OF_OTHERS = 3e-15
+# Rounding error of integrals of y over a step, as a fraction of y, where p is y'.
+ROUNDING_OF_SUMS = 1e-15
+# Change of y over the run that the allowed error of y' may cause, in units of the tolerance of y
+# relative to its size.
+OF_SPEED = 4.0
+# Least size of a component, as fraction of the largest component of the same quantity. With 1e-5 a
+# component of 1e-8 of the largest errs by 1.1 tolerances instead of 0.02 (six problems in random
+# units).
+SMALL = 1e-6
+
+
+class Allowed(NamedTuple):
+    """Allowed errors of y: relative to |y|, absolute (d,), and relative to sizes of components."""
+
+    rtol: float
+    atol: np.ndarray
+    by_size: float
+
+    def times(self, factor):
+        """Return the allowed errors, multiplied by a factor."""
+        return Allowed(*(factor * error for error in self))
+
+    @property
+    def least(self):
+        """Return the allowed error at y = 0 of the component with the smallest one."""
+        return float(self.atol.min()) + self.by_size
+
+
+class Tolerance(NamedTuple):
+    """Tolerances of a run, and limits of its steps.
+
+    - rtol; atol: one number or one for each component of y, None for errors relative to sizes.
+    - modes: relative error of the modes; None for the error that the tolerances require.
+    - longest: longest step [time], or None; most: largest number of steps.
+    """
+
+    rtol: float
+    atol: float | tuple[float, ...] | None = None
+    modes: float | None = None
+    longest: float | None = None
+    most: int = MAX_STEPS
+
+
+@inner
+def raise_small(quantities, fraction, sizes):
+    """Raise the sizes of components, (d,), to a fraction of the largest size of their quantity.
+
+    `quantities` (d,) has the number of each component's quantity. Returns whether a quantity has
+    sizes of 0 only.
+    """
+    number, begins, more = 0, False, True
+    while more:
+        largest, more = 0.0, False
+        for c in range(sizes.shape[0]):
+            more = more or quantities[c] > number
+            if quantities[c] == number:
+                largest = max(largest, sizes[c])
+        for c in range(sizes.shape[0]):
+            if quantities[c] == number:
+                sizes[c] = max(sizes[c], fraction * largest)
+        begins = begins or largest == 0.0
+        number += 1
+    return begins
+
+
+@inner
+def raise_to_least(equations, sizes):
+    """Raise the sizes of components, (d,), to the least ones of their quantity and their source.
+
+    Returns whether a quantity has sizes of 0 only.
+    """
+    begins = raise_small(equations.quantities, SMALL, sizes)
+    for c in range(sizes.shape[0]):
+        sizes[c] = max(sizes[c], equations.least[c] * sizes[equations.sources[c]])
+    return begins
+
+
+@entry(IVEC, F8, VEC)
+def raise_small_once(quantities, fraction, sizes):
+    """Call the compiled function `raise_small` from Python."""
+    raise_small(quantities, fraction, sizes)
+
+
+@inner
+def allowed_error(c, value, size, is_speed, end, limits):
+    """Return the tolerance of component y_c, or of y_c' if `is_speed` is 1.
+
+    `value` is |y_c| or |y_c'|, and `size` is the size of y_c. The relative tolerance of y' is that
+    of y. The other parts are those of y divided by a time, over which the error of y' moves y. This
+    time is the length of the run, or `end` [time] for the absolute tolerance.
+    """
+    if is_speed == 1:
+        least = limits.atol[c] / max(1.0, end) + OF_SPEED * limits.by_size * size / limits.t_end
+        return least + limits.rtol * value
+    return limits.atol[c] + limits.by_size * size + limits.rtol * value
+
+
+@inner
+def set_newton_goal(m, h):
+    """Set the error of p that Newton's method may leave, `m.room.goal` (d,).
+
+    It is a fraction of the tolerance. If the equation for p = y' has terms of y, the goal is at
+    least the error of p by rounding of y. This error counts up to the one that changes y by its
+    rounding over the step. The goal of a small component is at least the rounding error of the
+    largest component of its quantity.
+    """
+    equations, orbit, state, limits, room = m.equations, m.orbit, m.state, m.limits, m.room
+    terms, orders, second = equations.terms, equations.orders, equations.second
+    goal, d = room.goal, room.goal.shape[0]
+    for c in range(d):
+        size = max(state.largest[c], abs(orbit.p[0, c]))
+        goal[c] = _NEWTON * allowed_error(c, size, room.sizes[c], second[c], 1.0, limits)
+        room.hidden[c] = size if second[c] == 1 else room.sizes[c]
+    raise_small(equations.quantities, 1.0, room.hidden)
+    for c in range(d if limits.by_size > 0.0 else 0):
+        if state.sizes[c] < room.sizes[c]:
+            goal[c] = max(goal[c], _OF_OTHERS * room.hidden[c])
+    for n in range(terms.shape[0]):
+        c, k = terms[n].row, terms[n].index
+        if terms[n].integrand == POSITION and 0 <= k < orders.shape[0] and c < d:
+            gain = min(abs(terms[n].coefficient) * h ** orders[k], 1 / h)
+            goal[c] = max(goal[c], ROUNDING_OF_SUMS * abs(orbit.x[0, c]) * gain)
