@@ -16,6 +16,7 @@ import numpy as np
 from ..compiled.jacobian import COLUMNS, ROWS, VALUES, add_derivative_by, is_sparse, magnitudes
 from ..compiled.jit import inner
 from ..compiled.linalg import clear_matrix, dot, factorise, put, put_cube, put_matrix
+from ..compiled.newton import ACCEPT, FAIL, ITERATE, REFRESH
 from ..compiled.signatures import FACTORISE, SUBSTITUTE
 from .operators import FORCE, POSITION, PRIMARY
 from .stages import stage_matrix, substitute_scaled
@@ -25,6 +26,12 @@ from .structures import ALGEBRAIC, KEPT, LENGTH, REDUCED
 _SWEEPS = 12
 # Contraction rate of Newton's method above which a Jacobian of an earlier step is evaluated again.
 _SLOW = 0.05
+# Contraction rate above which Newton's method fails after iteration _EARLY.
+_HOPELESS = 0.9
+# Last iteration, counted from 0, in which any contraction rate is accepted.
+_EARLY = 5
+# Estimated error after a Newton change, over the change and the contraction rate.
+_PER_RATE = 4.0
 # Newton iteration, counted from 0, from which each node has its own Jacobian if components are few.
 _EACH = 5
 # Number of times that a Newton change of p is halved at nodes where f is not finite after it. Then
@@ -185,18 +192,43 @@ def solve_stages(m, h):
         put_matrix(x, before)
         positions(m, h, p, x_start, x)
         rate = contraction_rate(size, previous, h, contraction)
-        if size * min(1.0, 4.0 * rate) < 1.0:
+        answer = verdict(size, previous, rate, sweep, fresh)
+        if answer == ACCEPT:
             correct_forces(jacobians, before, x, f, room.moved)
             return True
-        if previous < np.inf and rate > _SLOW:
-            if rate > 0.9 and sweep > 5:
-                control[KEPT] = 0.0
-                return False
-            if not fresh:  # the Jacobian is that of an earlier step
-                control[KEPT] = 0.0
+        if answer != ITERATE:
+            control[KEPT] = 0.0
+        if answer == FAIL:
+            return False
         previous = size
     control[KEPT] = 0.0
     return False
+
+
+@inner
+def verdict(size, previous, rate, sweep, fresh):
+    """Return what follows a Newton change of finite size, as a verdict of compiled/newton.py.
+
+    Parameters
+    ----------
+    size, previous : float
+        The change and the one before, in units of the goal. `previous` is infinite for the first
+        one with new factors.
+    rate : float
+        The result of `contraction_rate`: the ratio of both changes, or an estimate of it. The error
+        is at most _PER_RATE times the rate times the last change.
+    sweep : int
+        Number of the iteration, from 0.
+    fresh : bool
+        Whether the Jacobian is one of this step.
+    """
+    if size * min(1.0, _PER_RATE * rate) < 1.0:
+        return ACCEPT
+    if previous == np.inf or rate <= _SLOW:
+        return ITERATE
+    if rate > _HOPELESS and sweep > _EARLY:
+        return FAIL
+    return ITERATE if fresh else REFRESH
 
 
 @inner

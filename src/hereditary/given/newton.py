@@ -16,6 +16,7 @@ from ..compiled.jacobian import (
 )
 from ..compiled.jit import inner, plug_in
 from ..compiled.linalg import solve_in_place
+from ..compiled.newton import ACCEPT, CHECK, FAIL, ITERATE, REFRESH, RESTART
 from ..compiled.signatures import FACTORISE, SUBSTITUTE
 from .step import look
 
@@ -110,38 +111,67 @@ def solve_step(march, t):
             size = max(size, abs(change[c]))
             largest = max(largest, abs(w[c]) + abs(shift[c]))
             reference = max(reference, abs(base[c]))
-        # if corrections shrink by `rate`, the error is rate / (1 - rate) times the last correction
-        rate = size / previous if previous < np.inf else 1.0
-        if counts.at_once == 1:
-            rate = 0.0
         grown = max(grown, size / residual) if residual > 0.0 else grown
         residual = 0.0
-        small = size <= _SMALL * (largest + reference)
-        if small and previous < np.inf and rate > _STALLED and not stalled:
-            stalled, previous = True, size  # rounding may be the reason: check the residual next
-            continue
-        error = size * rate / (1.0 - rate) if rate < 1.0 else size
         allowed = _TOLERANCE * largest + _ROUNDING * reference + _UNDERFLOW
         allowed *= _OF_EARLIER if few and not fresh else 1.0
-        if done or (size < np.inf and error <= allowed):
-            if m.linear.exact == 1 and rate <= _AT_ONCE and grown < _MOST_GROWN:
+        slow = _SLOW_OF_EARLIER if few and not fresh else _SLOW
+        unchecked = not stalled and size <= _SMALL * (largest + reference)
+        answer = verdict(size, previous, allowed, slow, fresh, unchecked)
+        if done or (counts.at_once == 1 and size < np.inf):
+            answer = ACCEPT
+        if answer == ACCEPT:
+            exact = m.linear.exact == 1 and previous < np.inf and grown < _MOST_GROWN
+            if exact and size / previous <= _AT_ONCE:
                 counts.at_once = 1
             if few and not fresh and iteration > 1:
                 counts.kept = 0  # a Jacobian that needs a third iteration has become too old
             return w.shape[0] == n or march.solve_tangents(m, t)
-        wrong = not size < np.inf or (rate >= 1.0 and previous < np.inf)
-        if wrong and fresh and not size < np.inf:
+        if answer == FAIL:
             break
-        for c in range(d if wrong and not fresh else 0):
+        for c in range(d if answer == RESTART else 0):
             w[c] = change[c] = first[c]
-        slow = _SLOW_OF_EARLIER if few and not fresh else _SLOW
-        if wrong or slow < rate < 1.0:
+        if answer in (REFRESH, RESTART):
             counts.kept = 0
             if few and not fresh:
                 counts.renewed = _RENEWED
-        previous = size
+        stalled, previous = stalled or answer == CHECK, size
     counts.kept = 0
     return False
+
+
+@inner
+def verdict(size, previous, allowed, slow, fresh, unchecked):
+    """Return what follows a Newton correction, as a verdict of compiled/newton.py.
+
+    The rate of the iteration is the ratio of two corrections. If further corrections shrink by this
+    rate, the error is rate / (1 - rate) times the last one. Source: [HairerWanner1996], section
+    IV.8.
+
+    Parameters
+    ----------
+    size, previous : float
+        The correction and the one before, in the maximum norm. `previous` is infinite for the first
+        one with a new Jacobian.
+    allowed : float
+        Allowed error.
+    slow : float
+        Rate above which the Jacobian is computed again.
+    fresh : bool
+        Whether the Jacobian is one of this step.
+    unchecked : bool
+        Whether the correction is small, and no residual was compared with rounding errors yet.
+    """
+    rate = size / previous if previous < np.inf else 1.0
+    if unchecked and previous < np.inf and rate > _STALLED:
+        return CHECK  # rounding may be the reason
+    if not size < np.inf:
+        return FAIL if fresh else RESTART
+    if (size * rate / (1.0 - rate) if rate < 1.0 else size) <= allowed:
+        return ACCEPT
+    if rate >= 1.0 and previous < np.inf:
+        return REFRESH if fresh else RESTART
+    return REFRESH if slow < rate < 1.0 else ITERATE
 
 
 @inner
