@@ -35,7 +35,13 @@ from ..compiled.linalg import (
     transposed_product,
 )
 from ..compiled.signatures import FACTORISE, LinearSolver
-from ..compiled.sparse_solvers import banded_solver, sparse_solver, substitute_band
+from ..compiled.sparse_solvers import (
+    banded_solver,
+    factorise_band,
+    set_band,
+    sparse_solver,
+    substitute_band,
+)
 from .operators import FORCE, POSITION, PRIMARY
 from .structures import LENGTH, OF_SPEEDS, OF_VALUES, REDUCED, REST, SYSTEMS
 
@@ -323,33 +329,19 @@ def banded_stages(task, values, stage):
 
     The solution replaces the right-hand side in the nodal `values` (d, s).
     """
-    # factors (K, n, 2 lower + upper + 2): K systems of n components, layout as `substitute_band`
+    # factors (K, n, 2 lower + upper + 2): K systems of n components, layout as `set_band`
     n, place, lower, upper = stage.order.shape[0], stage.order, stage.lower, stage.upper
-    width, entries = stage.factors.shape[2] - 1, stage.jacobians[0]
     if task == FACTORISE:
-        pivots, numbers = np.empty(n, dtype=np.int32), np.empty(5, dtype=np.int32)
-        numbers[0], numbers[1], numbers[2], numbers[3] = n, lower, upper, width + 1
-        numbers[4], at = 0, numbers.ctypes.data
         if not diagonalise_stages(stage):
             return 1
         for k in range(int(stage.control[SYSTEMS])):
             factors = stage.factors[k]
-            factors[:] = 0.0
-            for e in range(entries.shape[1]):
-                i, j = place[int(entries[ROWS, e])], place[int(entries[COLUMNS, e])]
-                factors[j, lower + upper + i - j] -= stage.shifts[k] * entries[VALUES, e]
-            for j in range(n):
-                factors[j, lower + upper] += 1.0
-            call_lapack(  # type: ignore[call-arg]
-                stage.lapack,
-                (at, at, at + 4, at + 8, factors.ctypes.data, at + 12, pivots.ctypes.data,
-                 at + 16),
-            )  # fmt: skip
-            if numbers[4] != 0:
+            if not set_band(stage.jacobians[0], -stage.shifts[k], place, lower, upper, factors):
                 return 1
             for j in range(n):
-                factors[j, width] = pivots[j] - 1
-                factors[j, lower + upper] = 1.0 / factors[j, lower + upper]
+                factors[j, lower + upper] += 1.0
+            if factorise_band(factors, lower, upper, stage.lapack) != 0:
+                return 1
         return 0
     right, ordered = np.empty((2, n), dtype=np.complex128)
     found = np.zeros(values.shape)

@@ -25,11 +25,13 @@ def banded_solver(task, number, matrix, x, linear):
 
     The task SUBSTITUTE replaces the right-hand side in x by the solution.
     """
-    # linear.factors has the shape (m, n, 2 lower + upper + 2) for m matrices: see `factorise_band`
+    # linear.factors has the shape (m, n, 2 lower + upper + 2) for m matrices: see `set_band`
     factors, place = linear.factors[number], linear.order
     lower, upper, n = linear.lower, linear.upper, x.shape[0]
     if task == FACTORISE:
-        return factorise_band(matrix, place, lower, upper, linear.lapack, factors)
+        if not set_band(matrix, 1.0, place, lower, upper, factors):
+            return 1
+        return factorise_band(factors, lower, upper, linear.lapack)
     ordered = np.empty(n)
     for i in range(n):
         ordered[place[i]] = x[i]
@@ -60,35 +62,43 @@ def substitute_band(factors, lower, upper, x):
             x[j - k] -= value * factors[j, diagonal - k]
 
 
-@inner(allocates=True)
-def factorise_band(matrix, place, lower, upper, lapack, factors):
-    """Set the LU factors of a banded matrix by LAPACK's dgbtrf; return 0 if that succeeds.
+@inner
+def set_band(matrix, factor, place, lower, upper, out):
+    """Set `out` to a sparse matrix times a number, a band in the order `place`; False if infinite.
 
-    Row j of `factors` is column j of LAPACK's array `ab`, followed by the row of the pivot. The
-    diagonal is inverted.
+    Row j of `out` (n, 2 lower + upper + 2) is column j of LAPACK's array `ab`, and a last number.
     """
-    n, width, wrong = factors.shape[0], factors.shape[1] - 1, 0
-    for j in range(n):
-        for k in range(width):
-            factors[j, k] = 0.0
+    for j in range(out.shape[0]):
+        for k in range(out.shape[1] - 1):
+            out[j, k] = 0.0
+    finite = True
     for k in range(matrix.shape[1]):
         i, j = place[int(matrix[ROWS, k])], place[int(matrix[COLUMNS, k])]
-        factors[j, lower + upper + i - j] += matrix[VALUES, k]
-        if not abs(matrix[VALUES, k]) < np.inf:
-            wrong = 1
+        out[j, lower + upper + i - j] += factor * matrix[VALUES, k]
+        finite = finite and abs(matrix[VALUES, k]) < np.inf
+    return finite
+
+
+@inner(allocates=True)
+def factorise_band(factors, lower, upper, lapack):
+    """Replace a band of `set_band`, real or complex, by its LU factors; return 0 on success.
+
+    `lapack` is the address of LAPACK's dgbtrf or zgbtrf. The last number of row j becomes the row
+    of the pivot. The diagonal is inverted.
+    """
+    n, width, diagonal = factors.shape[0], factors.shape[1] - 1, lower + upper
     # [n, lower, upper, length of a column, LAPACK's status, pivots...] in one array, so that all of
     # it is alive until LAPACK returns
     numbers = np.empty(_N_NUMBERS + n, dtype=np.int32)
     numbers[0], numbers[1], numbers[2], numbers[3] = n, lower, upper, width + 1
-    numbers[4], pivots, at = wrong, numbers[_N_NUMBERS:], numbers.ctypes.data
-    if wrong == 0:
-        pivots_at = at + 4 * _N_NUMBERS
-        call_lapack(  # type: ignore[call-arg]
-            lapack, (at, at, at + 4, at + 8, factors.ctypes.data, at + 12, pivots_at, at + 16)
-        )
+    numbers[4], pivots, at = 0, numbers[_N_NUMBERS:], numbers.ctypes.data
+    pivots_at = at + 4 * _N_NUMBERS
+    call_lapack(  # type: ignore[call-arg]
+        lapack, (at, at, at + 4, at + 8, factors.ctypes.data, at + 12, pivots_at, at + 16)
+    )
     for j in range(n if numbers[4] == 0 else 0):
         factors[j, width] = pivots[j] - 1
-        factors[j, lower + upper] = 1.0 / factors[j, lower + upper]
+        factors[j, diagonal] = 1.0 / factors[j, diagonal]
     return int(numbers[4])
 
 
