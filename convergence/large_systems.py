@@ -8,21 +8,36 @@ x). To T = 1, against the exact solution of the discrete system:
 * L1 with the full history in NumPy and SciPy's `solve_banded`, as it is written by hand;
 * the plane, m**2 components, by `BDF(2)` and SuperLU.
 
+The linear algebra of a dense run of `Collocation` is timed by itself as well, in CPU seconds. It
+uses one Hessenberg form for all lengths of steps. LAPACK's complex LU factors are the other way.
+
 Where the entries of the Jacobian are stated a step takes a time in proportion to d.
 """
 
+import time
 from functools import partial
 
 import numpy as np
 import scipy.sparse as sp
-from _study import Claim, chosen, curves, fastest, study
-from scipy.linalg import solve_banded
+from _study import Claim, chosen, curves, fastest, in_turns, study
+from scipy.linalg import lapack, solve_banded
 from scipy.special import gamma
 
 import hereditary as hd
+from hereditary.collocation.equations import integral_form
+from hereditary.collocation.operators import FORCE
+from hereditary.collocation.quadrature import radau_integrals
+from hereditary.collocation.stage_solver import stage_solver
+from hereditary.collocation.structures import REDUCED, STAGES, SYSTEMS
+from hereditary.compiled.jit import derived
+from hereditary.compiled.reference import by_reference
+from hereditary.compiled.signatures import FACTORISE, SUBSTITUTE
 from hereditary.exact import mittag_leffler
 
 ALPHA, STEPS = 0.7, 1000
+# Jacobians, lengths of steps and iterations of ``D^0.7 u = u_xx - u^3`` to T = 1 at rtol 1e-4,
+# counted for d = 20, 60 and 200.
+JACOBIANS, LENGTHS, ITERATIONS = 2, 12, 90
 
 
 def laplacian(d):
@@ -89,6 +104,15 @@ def measure(quick):
         seconds, (found, stats) = fastest(run, times, within=5, warm=d < 10**5)  # compiles
         parts, rates = waves(d)
         yield row(scheme, how, d, seconds, np.abs(found - exact(rates, parts)).max(), stats)
+    for d in [20] if quick else [20, 60, 100, 200]:
+        seconds = linear_algebra(d)
+        text, least = (
+            "complex LU factors over one Hessenberg form, CPU time",
+            1.5 if d > 60 else -np.inf,
+        )
+        yield Claim(
+            f"{text}, {d} components", seconds["LU"] / seconds["Hessenberg"], at_least=least
+        )
     m = 12 if quick else 256
     wave, rate = waves(m)[0][0], waves(m)[1][0]
     start = np.outer(wave, wave).ravel()
@@ -98,6 +122,42 @@ def measure(quick):
     seconds, sol = fastest(call, 1, warm=False)
     error = np.abs(sol.y[-1] - exact([2 * rate], [start])).max()
     yield row("BDF(2)", "plane", m * m, seconds, error, sol.stats)
+
+
+@derived
+def dense_run(solver, given, stages):
+    """Make the linear algebra of a run by a compiled solver."""
+    for k in range(LENGTHS):
+        if k < JACOBIANS:
+            stages.control[REDUCED] = 0.0
+        solver(FACTORISE, given, stages)
+    for _ in range(ITERATIONS):
+        solver(SUBSTITUTE, given.copy(), stages)
+
+
+def linear_algebra(d, s=8):
+    """Return the CPU seconds of a dense run's linear algebra, in both ways."""
+    equation = hd.Equation(hd.Caputo(ALPHA), None, np.ones(d), linear=laplacian(d).toarray())
+    solver, stages, _ = stage_solver(None, integral_form(equation.system), s)
+    stages.matrices[0, FORCE] = 0.1**ALPHA * radau_integrals(s, ALPHA)
+    stages.integral[:] = 0.1 * radau_integrals(s, 1.0)
+    stages.jacobians[0] = jacobian = laplacian(d).toarray()
+    work, given = by_reference(stages, STAGES), np.random.default_rng(0).normal(size=(d, s))
+
+    def hessenberg():
+        dense_run(solver, given, work)
+
+    def complex_lu():
+        shifts, one = stages.shifts[: int(stages.control[SYSTEMS])], np.eye(d)
+        for _ in range(LENGTHS):
+            factors = [lapack.zgetrf(one - shift * jacobian)[:2] for shift in shifts]
+        for _ in range(ITERATIONS):
+            for factor in factors:
+                lapack.zgetrs(*factor, right)
+
+    right = given[:, 0] + 0j
+    hessenberg()
+    return in_turns({"Hessenberg": hessenberg, "LU": complex_lu}, 9, time.process_time)
 
 
 def row(scheme, how, d, seconds, error, stats):
