@@ -66,20 +66,7 @@ from .structures import (
     initial_state,
     restored_state,
 )
-from .tolerances import (
-    _MODES_FRACTION,
-    _OF_MODES,
-    _OF_ROUNDING,
-    _RESOLVED,
-    _ROUNDING,
-    _UNRESOLVED,
-    OF_SIZE,
-    SMALL,
-    STEP_FRACTION,
-    Allowed,
-    Tolerance,
-    raise_small_once,
-)
+from .tolerances import SMALL, ErrorPolicy, Tolerance, raise_small_once, undamped
 from .varying import OrderTables
 
 # Longest first step of a solution at rest, as a fraction of the longest step at rest: the nodes of
@@ -131,16 +118,10 @@ class AdaptiveStepper(ResumableStepper, TangentStepper, JumpingStepper):
         self._view = view = (Reading if is_read(system) else Plain)(system)
         marched = view.system
         refuse_late(system, t_end)
-        rtol, atol, modes_tol, *limits = tolerance
-        self._tolerances, self.step_limits, self._rows = (rtol, atol), StepLimits(*limits), _ROWS
-        by_component = marched.spread(0.0 if atol is None else system.frame.doubled(atol))
-        by_size = OF_SIZE * rtol if atol is None else 0.0
-        self._t_end, self._errors = t_end, Allowed(rtol, by_component, by_size)
-        self._allowed = self._errors.times(STEP_FRACTION)
-        default_tol = max(1e-14, min(1e-3, _MODES_FRACTION * self._allowed.rtol))
-        # with larger errors of the modes the solution would look rough, and no step would be short
-        # enough
-        self.modes_tol = default_tol if modes_tol is None else min(default_tol, modes_tol)
+        self._t_end, self._rows = t_end, _ROWS
+        self.step_limits = StepLimits(tolerance.longest, tolerance.most)
+        atol = 0.0 if tolerance.atol is None else system.frame.doubled(tolerance.atol)
+        self.allowed = ErrorPolicy.of(tolerance, marched.spread(atol))
         self._known = known = max(t_end, scheme.horizon or 0.0)
         self._farthest = max(min(_REACH * t_end, 1e307), known)
         s = self._s = int(scheme.nodes)
@@ -251,8 +232,7 @@ class AdaptiveStepper(ResumableStepper, TangentStepper, JumpingStepper):
 
     def _still_sizes(self):
         """Return the sizes of y, and of the unknown p, that tolerances refer to, (2, d)."""
-        rtol, atol, by_size = self._allowed
-        sizes = self._sizes if by_size > 0 else atol / (OF_SIZE * rtol)
+        sizes = self.allowed.of_step.sizes_of(self._sizes)
         return np.array([sizes, np.where(self._form.second == 1, 0.0, sizes)])
 
     def _set_origin(self, t, since=0.0):
@@ -272,7 +252,7 @@ class AdaptiveStepper(ResumableStepper, TangentStepper, JumpingStepper):
     def _limits(self, t_stop):
         """Return the `Limits` of a march from the origin to `t_stop`."""
         return self.step_limits.limits(
-            self._marched, self._control["origin"], t_stop, self._allowed
+            self._marched, self._control["origin"], t_stop, self.allowed.of_step
         )
 
     def _march_on(self, steps, limits):
@@ -383,8 +363,7 @@ class AdaptiveStepper(ResumableStepper, TangentStepper, JumpingStepper):
         solver.stages.control[AT_EDGE] = float(at_edge)
         how = solver, rule, basis, tables, arrays
         limits = self._limits(t_stop)
-        share = min(1.0, max(_RESOLVED / variable.q, _UNRESOLVED, _ROUNDING / limits.rtol))
-        limits = limits._replace(**self._allowed.times(share)._asdict())
+        limits = limits._replace(**self.allowed.of_first_step(variable.q)._asdict())
         status = self._march(marched, steps, limits, *how)
         return steps, values if status in (FULL, REACHED) else None
 
@@ -392,7 +371,7 @@ class AdaptiveStepper(ResumableStepper, TangentStepper, JumpingStepper):
         """Move to the end of the first step after a singular start, and begin ordinary steps."""
         orbit, closest, t = self._orbit, self._closest(h), self.t
         if self.n_modes == 0:
-            orbit.open_modes(closest, self._farthest, self._known, self.modes_tol)
+            orbit.open_modes(closest, self._farthest, self._known, self.allowed.of_modes)
         elif closest < orbit.closest:
             orbit.refine(closest)
         orbit.finish_singular_start(variable, h, values)
@@ -404,10 +383,10 @@ class AdaptiveStepper(ResumableStepper, TangentStepper, JumpingStepper):
         """Begin ordinary steps; the first is so short that the solution hardly changes."""
         self._set_origin(self.t)
         least = 1e5 * self._farthest / _LARGEST_RATIO
-        h = self._form.graded_first_step(self.t, t_stop - self.t, self._allowed.least, least)
+        h = self._form.graded_first_step(self.t, t_stop - self.t, self.allowed.of_step.least, least)
         closest = self._closest(h)
         if self.n_modes == 0:
-            self._orbit.open_modes(closest, self._farthest, self._known, self.modes_tol)
+            self._orbit.open_modes(closest, self._farthest, self._known, self.allowed.of_modes)
         if closest < self._orbit.closest:
             self._refine_modes(closest)
         # the right-hand side may jump here
@@ -432,11 +411,12 @@ class AdaptiveStepper(ResumableStepper, TangentStepper, JumpingStepper):
         """Fit kernels known by their values down to the shortest distance that steps may have."""
         closest = _CLOSE * t_end
         if self._form.solves_slopes and not self._form.varying:
-            first = self._form.graded_first_step(0.0, t_end, self._allowed.least)
+            first = self._form.graded_first_step(0.0, t_end, self.allowed.of_step.least)
             closest = self._closest(first)
-        errors = self._orbit.prefit_kernels(closest, self._farthest, self._known, self.modes_tol)
-        warn_of_fit(errors.noise, self._tolerances[0])
-        self._least = self._view.least(t_end, max(errors), self._allowed.by_size)
+        of_modes = self.allowed.of_modes
+        errors = self._orbit.prefit_kernels(closest, self._farthest, self._known, of_modes)
+        warn_of_fit(errors.noise, self.allowed.rtol)
+        self._least = self._view.least(t_end, max(errors), self.allowed.of_step.by_size)
 
     def _refine_modes(self, closest):
         """Refine the modes so that they are accurate from the time lag `closest` on."""
@@ -451,8 +431,7 @@ class AdaptiveStepper(ResumableStepper, TangentStepper, JumpingStepper):
     @property
     def uncertainty(self):
         """Errors of y that the tolerance allows at the present time, (d,)."""
-        rtol, atol, by_size = self._errors
-        errors = rtol * np.abs(self._orbit.x[0]) + atol + by_size * self._sizes
+        errors = self.allowed.of_run.at(self._orbit.x[0], self._sizes)
         return self._view.values(errors, errors)[0]
 
     @property
@@ -515,7 +494,7 @@ class AdaptiveStepper(ResumableStepper, TangentStepper, JumpingStepper):
     def _small_component(self):
         """Return a clause on the component with the largest error, if it may be rounding."""
         c = int(self._control["worst"])
-        if self._allowed.by_size == 0 or self._state.sizes[c] >= self._sizes[c]:
+        if self.allowed.of_step.by_size == 0 or self._state.sizes[c] >= self._sizes[c]:
             return ""
         name = self._marched.of_y[c] // (2 if self.system.frame.paired else 1)
         return f"component {name} is below a millionth of the largest, may be rounding: give atol="
@@ -527,8 +506,8 @@ class AdaptiveStepper(ResumableStepper, TangentStepper, JumpingStepper):
         The tolerance of memory that f reads is that of a step, because its errors add up. In
         renewal equations over 8 to 30 generations y errs by up to 11 errors of the kernel.
         """
-        rtol = self._allowed.rtol if is_read(self.system) else self._errors.rtol
-        misfit = self._orbit.kernels.errors.misfit(rtol)
+        allowed = self.allowed.of_step if is_read(self.system) else self.allowed.of_run
+        misfit = self._orbit.kernels.errors.misfit(allowed.rtol)
         return Health(misfit=misfit, missed=float(self._control["missed"]))
 
     def set_breaks(self, times, t_end):
@@ -555,16 +534,16 @@ class AdaptiveStepper(ResumableStepper, TangentStepper, JumpingStepper):
 
     def _error_estimate(self):
         """Return the largest error of a step, plus the errors that add up without damping."""
-        of_steps = max(self._largest_error, STEP_FRACTION) * self._tolerances[0]
+        estimate = self.allowed.estimate(self._largest_error)
         if self.n_steps <= _ROWS:
-            return of_steps
+            return estimate
         moved = np.max(self._moved / np.maximum(self._sizes, LEAST))
-        of_modes = _OF_MODES * self._orbit.power_laws.error * moved
-        return float(of_steps + of_modes + _OF_ROUNDING * self.n_steps)
+        return undamped(estimate, self._orbit.power_laws.error, moved, self.n_steps)
 
     def state(self):
         """Return a `State` from which a later run can continue."""
-        return state_of(self, self._scheme, Tolerance(*self._tolerances, self.modes_tol))
+        rtol, atol, *_, of_modes = self.allowed
+        return state_of(self, self._scheme, Tolerance(rtol, atol, of_modes))
 
     def restore(self, state, allow_change=False):
         """Continue from `state`; `allow_change` admits a changed right-hand side or parameters."""
@@ -622,5 +601,5 @@ class AdaptiveStepper(ResumableStepper, TangentStepper, JumpingStepper):
 
     def identity(self, t):
         """Return the properties that a run to time t shares with a run that resumes it."""
-        how = {"number of nodes": self._s, "tolerances": self._tolerances}
+        how = {"number of nodes": self._s, "tolerances": self.allowed[:2]}
         return identity(self.system, t, **how)

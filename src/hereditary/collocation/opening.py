@@ -73,8 +73,8 @@ def open_adaptive(system, scheme, how, t_end, state, allow_change, directions):
     if state is None:
         check_start(system, how.rtol, how.atol)
     stepper = AdaptiveStepper(system, scheme, t_end, how, directions)
-    if state is not None and stepper.modes_tol != state.how.modes:
+    if state is not None and stepper.allowed.of_modes != state.how.modes:
         required = f"be left out or ask for modes as the state has them, to {state.how.modes:g}"
-        refuse("history", required, f"to {stepper.modes_tol:g}")
+        refuse("history", required, f"to {stepper.allowed.of_modes:g}")
     go_on_from(state, stepper, allow_change)
     return stepper, t_end

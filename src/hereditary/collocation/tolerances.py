@@ -70,6 +70,14 @@ class Allowed(NamedTuple):
         """Return the allowed error at y = 0 of the component with the smallest one."""
         return float(self.atol.min()) + self.by_size
 
+    def at(self, y, sizes):
+        """Return the allowed errors at y (d,) of components with these sizes (d,)."""
+        return self.rtol * np.abs(y) + self.atol + self.by_size * sizes
+
+    def sizes_of(self, sizes):
+        """Return the sizes (d,) that the errors refer to: those given, or atol / rtol."""
+        return sizes if self.by_size > 0 else self.atol / (OF_SIZE * self.rtol)
+
 
 class Tolerance(NamedTuple):
     """Tolerances of a run, and limits of its steps.
@@ -84,6 +92,56 @@ class Tolerance(NamedTuple):
     modes: float | None = None
     longest: float | None = None
     most: int = MAX_STEPS
+
+
+class ErrorPolicy(NamedTuple):
+    """Allowed errors of a run: what the user's tolerances mean for each purpose.
+
+    - rtol, atol: the user's tolerances, as in `Tolerance`.
+    - of_run: errors of y at any time.
+    - of_step: errors of one step.
+    - of_modes: relative error of the modes.
+    """
+
+    rtol: float
+    atol: float | tuple[float, ...] | None
+    of_run: Allowed
+    of_step: Allowed
+    of_modes: float
+
+    @classmethod
+    def of(cls, tolerance, atol):
+        """Return the allowed errors of a `Tolerance`, whose atol is that of each component (d,)."""
+        rtol = tolerance.rtol
+        of_run = Allowed(rtol, atol, OF_SIZE * rtol if tolerance.atol is None else 0.0)
+        of_step = of_run.times(STEP_FRACTION)
+        # with larger errors of the modes the solution would look rough, and no step would be short
+        # enough
+        of_modes = max(1e-14, min(1e-3, _MODES_FRACTION * of_step.rtol))
+        if tolerance.modes is not None:
+            of_modes = min(of_modes, tolerance.modes)
+        return cls(rtol, tolerance.atol, of_run, of_step, of_modes)
+
+    def of_first_step(self, q):
+        """Return the allowed errors of a first step in the variable u, where t = u**q."""
+        rounding = _ROUNDING / self.of_step.rtol
+        return self.of_step.times(min(1.0, max(_RESOLVED / q, _UNRESOLVED, rounding)))
+
+    def estimate(self, largest):
+        """Return the estimated relative error of a damped run, from the largest one of a step.
+
+        `largest` is relative to the tolerance of a step.
+        """
+        return max(largest, STEP_FRACTION) * self.rtol
+
+
+def undamped(estimate, of_fit, moved, n_steps):
+    """Return the estimated relative error of a run in which errors add up.
+
+    `estimate` is that of a damped run, `of_fit` the error of the fit of the modes. By `moved` y
+    moves, in sizes of y.
+    """
+    return float(estimate + _OF_MODES * of_fit * moved + _OF_ROUNDING * n_steps)
 
 
 @inner
