@@ -498,7 +498,7 @@ def _differ_in_data_alone(one: System, other: System) -> bool:
         [operator for operator, _ in one.left] == [operator for operator, _ in other.left]
         and np.array_equal([c for _, c in one.left], [c for _, c in other.left])
         and np.array_equal(one.sources, other.sources)
-        and (one.compiled_rhs, one.compiled_jac) == (other.compiled_rhs, other.compiled_jac)
+        and one.functions.code == other.functions.code
         and (one.frame, one.y0.shape) == (other.frame, other.y0.shape)
         and one.params.size == other.params.size
         and one.matrix is None is other.matrix

@@ -6,6 +6,8 @@ from typing import Any
 
 import numpy as np
 
+from ..compiled.functions import set_force
+from ..compiled.jacobian import force_at
 from ..compiled.jit import F8, MAT, VEC, entry
 from ..compiled.signatures import RIGHT_SIDE
 from ..equation.equation import Equation
@@ -39,10 +41,10 @@ def _over_a_period(
     out = np.empty((d, d))
     for i in range(n):
         t = 2.0 * np.pi * i / (n * omega)
-        right.user.rhs(t, y[i], f[i], right.user.params)
+        set_force(right.force, t, y[i], f[i])
         if i >= j_f.shape[0]:
             continue
-        right.jacobian(right.user, t, y[i], units, out)
+        right.jacobian(right.force, t, y[i], units, out)
         for a in range(d):
             for b in range(d):
                 j_f[i, a * d + b] = out[a, b]
@@ -61,7 +63,8 @@ class Balance:
         self._system = equation.system.dense()
         self._units = self._system.positive_units
         self._frequency, self._along = frequency, along
-        self._params, self._h, self.d = self._system.compiled_params.copy(), harmonics, equation.d
+        self._params, self._h, self.d = self._system.params.copy(), harmonics, equation.d
+        self._right = self._system.compiled_with(self._params)
         self.size, self._n = self.d * (2 * harmonics + 1), max(_SAMPLES * harmonics + 1, _FEWEST)
         angles = 2 * np.pi * np.outer(np.arange(self._n), np.arange(1, harmonics + 1)) / self._n
         columns = np.stack([np.cos(angles), np.sin(angles)], axis=2).reshape(self._n, -1)
@@ -105,7 +108,7 @@ class Balance:
     def _force(self, t: float, y: np.ndarray) -> np.ndarray:
         """Return the right-hand side, (d,)."""
         found = np.empty(self._system.d)
-        self._system.compiled_rhs(t, y.copy(), found, self._params)
+        force_at(self._right, t, y.copy(), found)
         return found
 
     def _omega(self, value: float) -> float:
@@ -152,9 +155,7 @@ class Balance:
         y = np.ascontiguousarray((np.vstack([rows, beside]) @ self._basis.T).T)
         f, j_f = np.empty(y.shape), np.empty((self._n if derivative else 0, system.d**2))
         units = np.maximum(np.abs(y).max(axis=0), self._units)
-        right = system.compiled
-        right = right._replace(user=right.user._replace(params=self._params))
-        _over_a_period(right, omega, y, units, f, j_f)
+        _over_a_period(self._right, omega, y, units, f, j_f)
         found = ((left[:d] @ rows[..., None])[..., 0] - (self._project @ f[:, :d]).T) / own
         if not derivative:
             return found.ravel(), None

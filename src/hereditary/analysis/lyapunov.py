@@ -610,7 +610,7 @@ def _add_traces(m: Any, t: float, rows: np.ndarray, found: np.ndarray) -> None:
     """Add ``sum_j shares_j d f_j / d x_j`` of rows (k, d), the first one at time t, to found."""
     right, shares, j_f = m.right, m.shares, m.jacobian
     for k in range(rows.shape[0]):
-        right.jacobian(right.user, t + k * m.h, rows[k], m.units, j_f)
+        right.jacobian(right.force, t + k * m.h, rows[k], m.units, j_f)
         for j in range(rows.shape[1]):
             found[k] += shares[j] * j_f[j, j]
 

@@ -7,7 +7,6 @@ if an equation needs it). The primary unknown p is y, or y' for orders above 1.
 from __future__ import annotations
 
 import copy
-from dataclasses import replace
 
 import numpy as np
 
@@ -291,10 +290,8 @@ class AdaptiveStepper(ResumableStepper, TangentStepper, JumpingStepper):
     def _settle(self):
         """Solve the algebraic rows at the present time for their unknowns."""
         if self.t > 0 and self.system.algebraic.any():
-            x, n = self._view.seen(self._orbit.x[0]), self.system.compiled_params.size
-            # the march may have changed tables of delays and parameters
-            system = replace(self.system, compiled_params=self._marched.compiled_params[:n])
-            found = settled(system, system.beside(self.t, 1), x)
+            x = self._view.seen(self._orbit.x[0])
+            found = settled(self.system, self.system.beside(self.t, 1), x)
             self._orbit.shift(self._view.widened(found - x))
 
     def _singular_step(self, t_stop):
@@ -487,9 +484,9 @@ class AdaptiveStepper(ResumableStepper, TangentStepper, JumpingStepper):
         ended = ended._replace(detail="; ".join(found))
         if not self._marched.has_jac:
             return ended
-        rhs, jac, params = self._marched.compiled.user
-        at = self._orbit.x[0], params, self._marched.structure, self.t
-        return ended._replace(detail=wrong_jacobian(rhs, jac, *at) or ended.detail)
+        at = self._orbit.x[0], self._marched.structure, self.t
+        wrong = wrong_jacobian(self._marched.functions, *at)
+        return ended._replace(detail=wrong or ended.detail)
 
     def _small_component(self):
         """Return a clause on the component with the largest error, if it may be rounding."""
@@ -514,11 +511,6 @@ class AdaptiveStepper(ResumableStepper, TangentStepper, JumpingStepper):
         """Set the times at which the march makes a singular start, because f may jump there."""
         at_once, self._breaks = breaks_ahead(times, self.t, t_end, self.system.frame.start)
         self._at_singular_start |= at_once
-
-    @property
-    def live_params(self):
-        """Parameters of the right-hand side; a change applies to the next step."""
-        return self._marched.compiled_params
 
     def stats(self):
         """Return the counts and error estimates that `Solution.stats` has."""
@@ -593,9 +585,9 @@ class AdaptiveStepper(ResumableStepper, TangentStepper, JumpingStepper):
         self._at_singular_start = True
         self._settle()
 
-    def set_parameter(self, number, value):
-        """Set a parameter of the right-hand side, and begin anew because f jumps."""
-        self._marched.compiled_params[number] = value
+    def set_side(self, number, sign):
+        """Evaluate f on the side `sign` of a switch, and begin anew because f jumps."""
+        self._marched.functions.switches.signs[number] = sign
         self._at_singular_start = True
         self._settle()
 

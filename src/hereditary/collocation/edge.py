@@ -10,6 +10,7 @@ Letters of shapes as in newton.py: d components, s nodes.
 
 import numpy as np
 
+from ..compiled.functions import set_force
 from ..compiled.jacobian import LEAST, magnitudes
 from ..compiled.jit import inner
 from ..compiled.linalg import solve_in_place
@@ -110,7 +111,7 @@ def slopes_at_node(m, i, x, f, out):
     x, f (d, s) are y and f at the nodes. If f is not finite on that side of y(0), the differences
     go to the other side.
     """
-    room, rhs, params, x_start = m.room, m.right.user.rhs, m.right.user.params, m.orbit.x[0]
+    room, x_start = m.room, m.orbit.x[0]
     point, force, t = room.point, room.force, room.times[i]
     for c in range(point.shape[0]):
         point[c] = x[c, i]
@@ -120,7 +121,7 @@ def slopes_at_node(m, i, x, f, out):
         width = -width if moved < 0.0 else width
         for _ in range(2):
             point[e] = x[e, i] + width
-            rhs(t, point, force, params)
+            set_force(m.right.force, t, point, force)
             m.state.counts.rhs += 1
             finite = True
             for c in range(point.shape[0]):

@@ -11,6 +11,7 @@ import math
 
 import numpy as np
 
+from ..compiled.functions import set_force
 from ..compiled.jacobian import LEAST
 from ..compiled.jit import inner
 from ..compiled.linalg import clear, put
@@ -205,7 +206,7 @@ def look_once_more(m, h):
         before = t
         m.state.counts.rhs += 1
         set_point(m, h, i)
-        m.right.user.rhs(t, point, force, m.right.user.params)
+        set_force(m.right.force, t, point, force)
         for c in range(force.shape[0]):
             defect = force[c]
             for j in range(at_nodes.shape[1]):
@@ -225,7 +226,7 @@ def update_force_defect(m, i, point):
     """
     force, force_defect, forces = m.room.force, m.room.defect, m.room.values[0, FORCE]
     check_values = m.rule.check_values[i]
-    m.right.user.rhs(m.room.check_times[i], point, force, m.right.user.params)
+    set_force(m.right.force, m.room.check_times[i], point, force)
     for c in range(point.shape[0]):
         total = force[c]
         for j in range(check_values.shape[0]):
@@ -358,7 +359,7 @@ def tangent_error_ratio(m, h, slot):
                     return np.inf
                 size = max(size, own / units[c])
         if column <= m.right.by_params:
-            p = abs(m.right.user.params[column - 1])
+            p = abs(m.right.force.functions.params[column - 1])
             size = max(size, _OF_QUOTIENT / (p if p > 0.0 else 1.0))
         if size > 0.0:
             for c in range(errors.shape[0]):

@@ -13,6 +13,7 @@ equation of a component without a derivative.
 
 import numpy as np
 
+from ..compiled.functions import set_force
 from ..compiled.jacobian import COLUMNS, ROWS, VALUES, add_derivative_by, is_sparse, magnitudes
 from ..compiled.jit import inner
 from ..compiled.linalg import clear_matrix, dot, factorise, put, put_cube, put_matrix
@@ -87,12 +88,12 @@ def positions(m, h, p, x_start, x):
 def forces(m, x, f):
     """Set f (d, s) to the right-hand side at y = x (d, s) at all nodes; return if f is finite."""
     # times (s,): of the nodes
-    rhs, params, times = m.right.user.rhs, m.right.user.params, m.room.times
+    times = m.room.times
     point, force, finite = m.room.point, m.room.force, True
     for i in range(times.shape[0]):
         for c in range(point.shape[0]):
             point[c] = x[c, i]
-        rhs(times[i], point, force, params)
+        set_force(m.right.force, times[i], point, force)
         for c in range(point.shape[0]):
             f[c, i] = force[c]
             finite = finite and abs(force[c]) < np.inf
@@ -260,7 +261,7 @@ def stage_jacobians(m, x, out):
         k = i if out.shape[0] > 1 else s // 2
         for c in range(point.shape[0]):
             point[c] = x[c, k]
-        calls += m.right.jacobian(m.right.user, times[k], point, units, out[i])
+        calls += m.right.jacobian(m.right.force, times[k], point, units, out[i])
     return calls
 
 
@@ -420,7 +421,7 @@ def set_derivatives_by(k, m):
     for i in range(x.shape[1]):
         for c in range(x.shape[0]):
             room.point[c], room.force[c] = x[c, i], 0.0
-        calls = add_derivative_by(k, m.right.user, room.times[i], room.point, room.force)
+        calls = add_derivative_by(k, m.right.force, room.times[i], room.point, room.force)
         m.state.counts.rhs += calls
         for c in range(x.shape[0]):
             room.forced[c, i] = room.force[c]

@@ -24,7 +24,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from scipy.special import rgamma
 
-from ..equation.affine import affine
+from ..compiled.functions import mapped
 from ..equation.chain import left_of
 from ..equation.frame import Frame
 from ..equation.system import System
@@ -365,18 +365,14 @@ class _Reduction:
                     lower[j].append((self._place(j, operator), factor))
         forces = [*self._forces, *((row, j) for j, row in self._rows.items())]
         own = [*self._own, *((i, k, -c) for i, j in forces for k, c in lower[j])]
-        n, how = len(self._starts), (system.compiled_params, system.compiled_rhs)
+        n = len(self._starts)
         triples = [(i, j, 1.0) for i, j in forces]
-        made = affine((*how, system.compiled_jac), n, system.d, own, triples, read)
         roles = [(system.quantities[j], order) for j, order in self._roles]
         numbers = {role: number for number, role in enumerate(sorted(set(roles)))}
-        params, rhs, jac = made
         found = System(
             left_of(self._terms, n),
             np.array([self._starts]),
-            params,
-            rhs,
-            jac,
+            mapped(system.functions, n, system.d, own, triples, read),
             quantities=np.array([numbers[role] for role in roles]),
             of_y=system.of_y[[j for j, _ in self._roles]],
             frame=Frame(system.frame.start),

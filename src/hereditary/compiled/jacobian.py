@@ -8,9 +8,18 @@ Systems of at most `FEW` components are always dense, so that d is never 5 for a
 
 import numpy as np
 
-from .jit import F8, JAC_SIG, MAT, VEC, as_value, compiled, entry, inner, plug_in
+from .functions import (
+    A_MATRIX,
+    Functions,
+    force_of,
+    set_force,
+    set_force_with,
+    set_slopes,
+    slopes_of_user,
+)
+from .jit import F8, MAT, VEC, as_value, entry, inner, plug_in
 from .linalg import dot
-from .signatures import JACOBIAN_SIG, RIGHT_SIDE, RightSide, UserFunctions
+from .signatures import JACOBIAN_SIG, RIGHT_SIDE, RightSide
 
 # Largest number of components for which the Jacobian is dense even if the user states a pattern: a
 # sparse one would save nothing.
@@ -42,15 +51,13 @@ def finite_between(d, up, down):
     return finite
 
 
-@inner(allocates=True)
-def extend(rhs, t, y, params, up, down):
+@inner
+def extend(middle, up, down):
     """Replace values of f that are not finite by linear extrapolation from the other side of y.
 
-    `up` and `down` are the values of f at equal distances above and below y (d,).
+    `middle` (d,) is f at y, and `up` and `down` are f at equal distances above and below y.
     """
-    middle = np.empty(y.shape[0])
-    rhs(t, y, middle, params)
-    for i in range(y.shape[0]):
+    for i in range(middle.shape[0]):
         if not abs(down[i]) < np.inf:
             down[i] = 2.0 * middle[i] - up[i]
         elif not abs(up[i]) < np.inf:
@@ -81,39 +88,55 @@ def magnitudes(j_f, x, out):
         out[int(j_f[ROWS, k])] += abs(j_f[VALUES, k] * x[int(j_f[COLUMNS, k])])
 
 
-@compiled
-def no_jacobian(t, y, out, params):
-    """Do nothing: the field `jac` of an equation whose Jacobian comes from differences."""
-
-
 @plug_in
-def given_jacobian(functions, t, y, units, out):
-    """Set `out` to the Jacobian by the user's function; return 0, the number of calls of `rhs`."""
-    functions.jac(t, y, out, functions.params)
+def given_jacobian(force, t, y, units, out):
+    """Set `out` to the Jacobian by the user's function; return 0, the number of calls of f."""
+    functions = force.functions
+    functions.jac(t + functions.start, y, out, functions.params)
     return 0
 
 
 @plug_in
-def dense_jacobian(functions, t, y, units, out):
-    """Set a dense Jacobian by central differences; return the number of calls of `rhs`.
+def composed_jacobian(force, t, y, units, out):
+    """Set `out` to the user's Jacobian and what stands around it; return 0."""
+    set_slopes(force.functions, t, y, out)
+    return 0
+
+
+@plug_in
+def entries_jacobian(force, t, y, units, out):
+    """Set the values of a sparse Jacobian by the user's function; return 0."""
+    filled = slopes_of_user(force.functions, t, y)
+    values = filled.reshape(filled.size)
+    for k in range(out.shape[1]):
+        place = int(out[GROUPS, k])
+        out[VALUES, k] = out[CONSTANTS, k] + (values[place] if place >= 0 else 0.0)
+    return 0
+
+
+@plug_in
+def dense_jacobian(force, t, y, units, out):
+    """Set a dense Jacobian by central differences; return the number of calls of f.
 
     If f is finite on one side of y only, the differences are one-sided.
     """
-    rhs, params, d, calls = functions.rhs, functions.params, y.shape[0], 2 * y.shape[0]
+    d, calls = y.shape[0], 2 * y.shape[0]
     up, down, shifted = np.empty(d), np.empty(d), np.empty(d)
     for j in range(d):  # a loop, because y.copy() takes longer to compile
         shifted[j] = y[j]
     for j in range(d):
         step = _STEP * max(units[j], abs(y[j]))
         shifted[j] = y[j] + step
-        rhs(t, shifted, up, params)
+        set_force(force, t, shifted, up)
         width = shifted[j]
         shifted[j] = y[j] - step
-        rhs(t, shifted, down, params)
+        set_force(force, t, shifted, down)
         width -= shifted[j]
         shifted[j] = y[j]
         if not finite_between(d, up, down):
-            extend(rhs, t, shifted, params, up, down)
+            middle = np.empty(d)
+            set_force(force, t, shifted, middle)
+            extend(middle, up, down)
             calls += 1
         for i in range(d):
             out[i, j] = (up[i] - down[i]) / width
@@ -121,12 +144,11 @@ def dense_jacobian(functions, t, y, units, out):
 
 
 @plug_in
-def sparse_jacobian(functions, t, y, units, out):
+def sparse_jacobian(force, t, y, units, out):
     """Set the values of a sparse Jacobian by central differences.
 
-    All columns of one group are shifted at once. Returns the number of calls of `rhs`.
+    All columns of one group are shifted at once. Returns the number of calls of f.
     """
-    rhs, params = functions.rhs, functions.params
     up, down, shifted = np.empty(y.shape[0]), np.empty(y.shape[0]), np.empty(y.shape[0])
     for j in range(y.shape[0]):
         shifted[j] = y[j]
@@ -137,14 +159,16 @@ def sparse_jacobian(functions, t, y, units, out):
             j = int(out[COLUMNS, end])
             shifted[j] = y[j] + _STEP * max(units[j], abs(y[j]))
             end += 1
-        rhs(t, shifted, up, params)
+        set_force(force, t, shifted, up)
         for k in range(first, end):
             j = int(out[COLUMNS, k])
             shifted[j] = y[j] - _STEP * max(units[j], abs(y[j]))
-        rhs(t, shifted, down, params)
+        set_force(force, t, shifted, down)
         calls += 2
         if not finite_between(y.shape[0], up, down):
-            extend(rhs, t, y, params, up, down)
+            middle = np.empty(y.shape[0])
+            set_force(force, t, y, middle)
+            extend(middle, up, down)
             calls += 1
         for k in range(first, end):
             i, j = int(out[ROWS, k]), int(out[COLUMNS, k])
@@ -158,40 +182,62 @@ def sparse_jacobian(functions, t, y, units, out):
 
 
 @inner(allocates=True)
-def add_derivative_by(k, functions, t, y, out):
-    """Add df / dp_k, by central differences, to out (d,); return the number of calls of `rhs`."""
-    rhs, n, d, calls = functions.rhs, functions.params.shape[0], y.shape[0], 2
+def add_derivative_by(k, force, t, y, out):
+    """Add df / dp_k, by central differences, to out (d,); return the number of calls of f."""
+    given = force.functions.params
+    n, d, calls = given.shape[0], y.shape[0], 2
     up, down, params = np.zeros(d), np.zeros(d), np.empty(n)  # f leaves memory unset
     for i in range(n):
-        params[i] = functions.params[i]
+        params[i] = given[i]
     p = params[k]
     step = _STEP * (abs(p) if p != 0.0 else 1.0)
     params[k] = p + step
-    rhs(t, y, up, params)
+    set_force_with(force, t, y, up, params)
     width = params[k]
     params[k] = p - step
-    rhs(t, y, down, params)
+    set_force_with(force, t, y, down, params)
     width -= params[k]
     if not finite_between(d, up, down):
-        extend(rhs, t, y, functions.params, up, down)
+        middle = np.empty(d)
+        set_force(force, t, y, middle)
+        extend(middle, up, down)
         calls += 1
     for i in range(d):
         out[i] += (up[i] - down[i]) / width
     return calls
 
 
-def right_side(rhs, jac, params, sparse, by_params=0):
-    """Return the `RightSide` of compiled functions, with differences if `jac` is None."""
-    by_differences = sparse_jacobian if sparse else dense_jacobian
-    how = as_value(by_differences if jac is None else given_jacobian, JACOBIAN_SIG)
-    jac = as_value(no_jacobian, JAC_SIG) if jac is None else jac
-    return RightSide(UserFunctions(rhs, jac, params), how, by_params)
+def right_side(functions: Functions, sparse: bool, by_params: int = 0) -> RightSide:
+    """Return the `RightSide` of functions, with differences if they have no Jacobian."""
+    if not functions.has_jac:
+        how = sparse_jacobian if sparse else dense_jacobian
+    elif sparse:
+        how = entries_jacobian
+    else:
+        bare = functions.bare and functions.jac_form == A_MATRIX and not functions.places.size
+        how = given_jacobian if bare else composed_jacobian
+    return RightSide(force_of(functions), as_value(how, JACOBIAN_SIG), by_params)
+
+
+@entry(RIGHT_SIDE, F8, VEC, VEC)
+def _force_at(right, t, y, out):
+    """Set out = f(t, y)."""
+    set_force(right.force, t, y, out)
+
+
+def force_at(right: RightSide, t: float, y: np.ndarray, out: np.ndarray) -> None:
+    """Set out = f(t, y); this is the way from Python."""
+    if right.force.bare:
+        functions = right.force.functions
+        functions.rhs(t + functions.start, y, out, functions.params)
+    else:
+        _force_at(right, t, y, out)
 
 
 @entry(RIGHT_SIDE, F8, VEC, VEC, MAT)
 def jacobian_at(right, t, y, units, out):
     """Set `out` to the Jacobian at (t, y); this is the entry for Python."""
-    right.jacobian(right.user, t, y, units, out)
+    right.jacobian(right.force, t, y, units, out)
 
 
 @entry(RIGHT_SIDE, F8, VEC, MAT)
@@ -199,4 +245,4 @@ def derivatives_by_parameters(right, t, y, out):
     """Set row k of `out` (p, d) to the derivative of f by parameter k; the entry for Python."""
     out[:] = 0.0
     for k in range(out.shape[0]):
-        add_derivative_by(k, right.user, t, y, out[k])
+        add_derivative_by(k, right.force, t, y, out[k])

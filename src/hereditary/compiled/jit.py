@@ -31,14 +31,16 @@ CUBE = types.Array(F8, 3, "C")
 CUBES = types.Array(F8, 4, "C")
 IVEC = types.Array(I8, 1, "C")
 _C16 = types.complex128
+_CVEC = types.Array(_C16, 1, "C")
+_CMAT = types.Array(_C16, 2, "C")
 # Annotations for the fields of NamedTuples that compiled code reads, each with numba's type.
 Vector: TypeAlias = Annotated[np.ndarray, VEC]
 Matrix: TypeAlias = Annotated[np.ndarray, MAT]
 Cube: TypeAlias = Annotated[np.ndarray, CUBE]
 Cubes: TypeAlias = Annotated[np.ndarray, CUBES]
 Integers: TypeAlias = Annotated[np.ndarray, IVEC]
-ComplexVector: TypeAlias = Annotated[np.ndarray, types.Array(_C16, 1, "C")]
-ComplexMatrix: TypeAlias = Annotated[np.ndarray, types.Array(_C16, 2, "C")]
+ComplexVector: TypeAlias = Annotated[np.ndarray, _CVEC]
+ComplexMatrix: TypeAlias = Annotated[np.ndarray, _CMAT]
 ComplexCube: TypeAlias = Annotated[np.ndarray, types.Array(_C16, 3, "C")]
 
 
@@ -57,8 +59,15 @@ def compiled_type(cls):
 
 # Signature of a right-hand side ``rhs(t, y, dy, params)``, which fills dy (d,) for d components.
 RHS_SIG = types.void(F8, VEC, VEC, VEC)
+# The same for complex components.
+COMPLEX_RHS_SIG = types.void(F8, _CVEC, _CVEC, VEC)
+# Signatures of ``rhs(t, y, memory, dy, params)``, with memory (k, d).
+READING_SIG = types.void(F8, VEC, MAT, VEC, VEC)
+COMPLEX_READING_SIG = types.void(F8, _CVEC, _CMAT, _CVEC, VEC)
 # Signature of a Jacobian ``jac(t, y, jacobian, params)``, which fills the jacobian (d, d).
 JAC_SIG = types.void(F8, VEC, MAT, VEC)
+# Signature of a Jacobian ``jac(t, y, memory, jacobian, params)``, also of that by memory, (d, k d).
+READING_JAC_SIG = types.void(F8, VEC, MAT, MAT, VEC)
 
 
 # Least thresholds of Python's garbage collector, as in gc.set_threshold, while functions are

@@ -2,21 +2,13 @@
 
 from typing import Annotated, Any, NamedTuple
 
-from .jit import F8, I8, JAC_SIG, MAT, RHS_SIG, VEC, Cube, Integers, Vector, compiled_type
+from .functions import Force
+from .jit import F8, I8, MAT, VEC, Cube, Integers, compiled_type
 from .reference import FunctionField, Reference
 
-
-class UserFunctions(NamedTuple):
-    """The right-hand side of an equation, the user's Jacobian if there is one, and parameters."""
-
-    rhs: Annotated[Any, FunctionField(RHS_SIG)]
-    jac: Annotated[Any, FunctionField(JAC_SIG)]
-    params: Vector
-
-
-# Signature of ``jacobian(functions, t, y, units, out)``, which fills `out` and returns the number
-# of calls of `rhs`; y (d,) and units (d,), the least sizes of components for steps of differences.
-JACOBIAN_SIG = I8(Reference(compiled_type(UserFunctions)), F8, VEC, VEC, MAT)
+# Signature of ``jacobian(force, t, y, units, out)``, which fills `out` and returns the number of
+# calls of f; y (d,) and units (d,), the least sizes of components for steps of differences.
+JACOBIAN_SIG = I8(Reference(compiled_type(Force)), F8, VEC, VEC, MAT)
 
 
 class RightSide(NamedTuple):
@@ -26,7 +18,7 @@ class RightSide(NamedTuple):
     derivatives along directions of the initial values.
     """
 
-    user: UserFunctions
+    force: Force
     jacobian: Annotated[Any, FunctionField(JACOBIAN_SIG)]
     by_params: int = 0
 

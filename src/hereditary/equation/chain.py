@@ -21,8 +21,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from ..compiled.functions import Functions, mapped
 from ..support.checks import refuse, shown
-from .affine import affine
 from .orders import merged_orders
 from .system import System, leading_orders
 from .terms import ConstantOrder, KernelOperator, Operator, SystemTerm
@@ -104,9 +104,7 @@ class Chained(NamedTuple):
     speeds: np.ndarray
 
 
-def chained(
-    left: Sequence[SystemTerm], y0: np.ndarray, params: np.ndarray, rhs: Any, jac: Any
-) -> Chained:
+def chained(left: Sequence[SystemTerm], y0: np.ndarray, functions: Functions) -> Chained:
     """Return the system of an equation with orders above 2 or matrices, as `Chained`.
 
     Parameters
@@ -116,12 +114,11 @@ def chained(
         equation.
     y0 : ndarray, shape (m, d)
         Initial values, m = ceil(highest order).
-    params, rhs, jac
-        Parameters, compiled right-hand side, and compiled Jacobian or None.
+    functions : Functions
     """
     d, above = y0.shape[1], len(y0) > 2
     if not above and np.any([c.any(axis=1) for _, c in left], axis=0).sum() < d:
-        return _with_algebraic_rows(_summed(left), y0, params, rhs, jac)
+        return _with_algebraic_rows(_summed(left), y0, functions)
     entries, inverse = _solved(left, d)
     lengths = np.ceil(leading_orders(left, d)).astype(int).tolist() if above else [1] * d
     # (j, k) is the k-th derivative of y_j: y comes first, then y', and so on
@@ -147,7 +144,7 @@ def chained(
     if inverse is not None:
         before = [(last[i], j, float(inverse[i, j])) for i, j in np.argwhere(inverse).tolist()]
     size = len(places) + len(memory)
-    params, rhs, jac = affine((params, rhs, jac), size, d, lower, before)
+    functions = mapped(functions, size, d, lower, before)
     start = np.array([[y0[k, j] for j, k in pairs]]) if above else y0
     speeds = np.array([places.get((j, 1), -1) for j in range(d)] if above else [], dtype=np.int64)
     of_y, quantities = np.array(pairs, dtype=np.int64).T.copy()
@@ -155,12 +152,12 @@ def chained(
     sources = np.append(np.arange(len(pairs)), [s for _, s in memory]).astype(np.int64)
     how = {"of_y": of_y[sources], "quantities": quantities[sources]}
     left = left_of(found, size)
-    system = System(left, np.take(start, sources, axis=1), params, rhs, jac, sources, **how)
+    system = System(left, np.take(start, sources, axis=1), functions, None, sources, **how)
     return Chained(system, speeds)
 
 
 def _with_algebraic_rows(
-    left: Sequence[SystemTerm], y0: np.ndarray, params: np.ndarray, rhs: Any, jac: Any
+    left: Sequence[SystemTerm], y0: np.ndarray, functions: Functions
 ) -> Chained:
     """Return the system of ``C D^alpha y = f``, where rows of C are 0, as `Chained`.
 
@@ -186,12 +183,12 @@ def _with_algebraic_rows(
     before = [(i, i, 1.0) for i in range(d) if i not in rows]
     before += [(place, i, 1.0) for i, place in zip(rows, more, strict=True)]
     read = [(i, i, 1.0) for i in range(d)]
-    made = affine((params, rhs, jac), size, d, own, before, read)
+    functions = mapped(functions, size, d, own, before, read)
     start = np.hstack([y0[:1], y0[:1] @ matrix.T])
     of_y = np.append(np.arange(d), np.abs(matrix).argmax(axis=1))
     further = np.repeat([0, 1], [d, len(rows)])
     terms = [SystemTerm(ConstantOrder(order), further.astype(float))]
-    system = System(terms, start, *made, of_y=of_y, quantities=further)
+    system = System(terms, start, functions, of_y=of_y, quantities=further)
     return Chained(system, np.full(d, -1))
 
 

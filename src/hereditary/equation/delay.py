@@ -1,24 +1,21 @@
 """Delays: the solution at an earlier time, which a right-hand side reads from tables.
 
 A table holds ``y(t - tau(t))`` on an interval of time, as polynomials in t. Compiled code reads it
-behind the parameters of the right-hand side. The march fills it in advance (solver/delayed.py).
+from the record of the right-hand side. The march fills it in advance (solver/delayed.py).
 """
 
 from __future__ import annotations
 
 import inspect
 from collections.abc import Callable, Sequence
-from functools import lru_cache
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.polynomial.chebyshev import chebvander
 
-from ..compiled.jit import JAC_SIG, RHS_SIG, as_value, compiled, derived
+from ..compiled.functions import N_COEFFICIENTS, Functions, with_delays
 from ..support.checks import complaint, positive, refuse, shown
 
-# Coefficients of a polynomial of a table. Steps of collocation have at most as many.
-N_COEFFICIENTS = 10
 # Coefficients of a whole table, from which the number of its polynomials follows.
 _NUMBERS = 20_000
 # Fewest polynomials of a table, also of many components.
@@ -27,8 +24,6 @@ _FEWEST = 128
 _MOST = 2048
 # What to do about a delay that touches 0.
 TOUCHES = "for a delay that touches 0, take max(tau(t), least) with a least one above 0"
-# Numbers at the head of a table: of polynomials that it has, and that it has room for.
-_HEAD = 2
 
 
 class Delay:
@@ -98,14 +93,12 @@ class Delayed(NamedTuple):
     """A delay of a system, whose times count from the start.
 
     - past: the delay and the solution before the start.
-    - place: index of the parameter at which the table of the delay begins.
-    - capacity: polynomials that the table has room for.
+    - number: its number among the delays of the right-hand side.
     - lift: displacement of the solution before the start, (d,), for neighbouring orbits.
     """
 
     past: Earlier
-    place: int
-    capacity: int
+    number: int
     lift: np.ndarray
 
     def ago(self, t: np.ndarray) -> np.ndarray:
@@ -123,28 +116,14 @@ class Delayed(NamedTuple):
             return np.broadcast_to(past.first.view(float), (t.size, past.first.view(float).size))
         return past.values(past.origin + t).astype(past.first.dtype).view(float)
 
-    def lifted(self, lift: np.ndarray, params: np.ndarray) -> Delayed:
-        """Return the delay with its past displaced by `lift` (d,); displace its first table too."""
-        times, coefficients = self.content(params)
-        coefficients[..., 0] += lift
-        self.fill(params, times, coefficients)
+    def lifted(self, lift: np.ndarray) -> Delayed:
+        """Return the delay with its past displaced by `lift` (d,)."""
         return self._replace(lift=self.lift + lift)
 
-    def content(self, params: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return copies of the times and polynomials of the table, as arguments of `fill`."""
-        n, first = int(params[self.place]), self.place + _HEAD
-        times, first = params[first : first + n + 1].copy(), first + self.capacity + 1
-        d = self.past.first.view(float).size
-        values = params[first : first + n * d * N_COEFFICIENTS]
-        return times, values.reshape(n, d, N_COEFFICIENTS).copy()
 
-    def fill(self, params: np.ndarray, times: np.ndarray, coefficients: np.ndarray) -> None:
-        """Write times (n + 1,), and polynomials (n, d, N_COEFFICIENTS) between, into the table."""
-        n, first = len(coefficients), self.place + _HEAD
-        params[self.place] = n
-        params[first : first + n + 1] = times
-        first += self.capacity + 1
-        params[first : first + coefficients.size] = coefficients.ravel()
+def room_of(d: int) -> int:
+    """Return the number of polynomials that tables of d components have room for."""
+    return int(np.clip(_NUMBERS // (N_COEFFICIENTS * d), _FEWEST, _MOST))
 
 
 def _taus(delay: Delay, t: np.ndarray, origin: float) -> np.ndarray:
@@ -213,111 +192,24 @@ def _past(delay: Delay, y0: np.ndarray, origin: float) -> Earlier:
 
 
 def reading(
-    functions: tuple[np.ndarray, Any, Any], pasts: Sequence[Earlier | None]
-) -> tuple[tuple[np.ndarray, Any, Any], tuple[Delayed, ...]]:
-    """Return params, right-hand side and Jacobian that read delays from tables, and the delays.
+    functions: Functions, pasts: Sequence[Earlier | None]
+) -> tuple[Functions, tuple[Delayed, ...]]:
+    """Return functions that read delays from tables, and the delays.
 
     Parameters
     ----------
-    functions : (ndarray, callable, callable or None)
-        Parameters, right-hand side and Jacobian, of y and k rows of memory: (1 + k) d components.
+    functions : Functions
+        Those of y and k rows of memory.
     pasts : sequence of length k
         For each row of memory its past if it is a delay. None if the row remains an unknown.
     """
-    params, rhs, jac = functions
-    firsts = [past.first.view(float) for past in pasts if past]
-    d = firsts[0].size
-    capacity = int(np.clip(_NUMBERS // (N_COEFFICIENTS * d), _FEWEST, _MOST))
-    size = _HEAD + capacity + 1 + capacity * d * N_COEFFICIENTS
-    places = np.zeros(len(pasts))
-    found: list[Delayed] = []
-    for k, past in enumerate(pasts):
+    rows, found = [], list[Delayed]()
+    for past in pasts:
+        rows.append(len(found) if past else -1)
         if past:
-            places[k] = len(pasts) + len(found) * size
-            found.append(Delayed(past, params.size + int(places[k]), capacity, np.zeros(d)))
-    tables = np.zeros(len(found) * size)
-    tables[1::size] = capacity
-    values = np.concatenate([params, places, tables, [len(pasts), d, params.size]])
-    for delayed, first in zip(found, firsts, strict=True):
-        constant = np.zeros((1, d, N_COEFFICIENTS))
-        constant[0, :, 0] = first
-        delayed.fill(values, np.array([0.0, 1.0]), constant)
-    return (values, _reading(rhs), None if jac is None else _slopes(jac)), tuple(found)
-
-
-@lru_cache(maxsize=64)
-def _reading(rhs: Any) -> Any:
-    """Return a right-hand side that reads delayed rows from tables behind the parameters."""
-
-    def read(t: float, x: np.ndarray, out: np.ndarray, params: np.ndarray) -> None:
-        own = int(params[-1])
-        z = _all_rows(t, x, params)
-        force = np.empty(z.shape[0])
-        rhs(t, z, force, params[:own])
-        for c in range(x.shape[0]):
-            out[c] = force[c]
-
-    return as_value(derived(read), RHS_SIG)
-
-
-@lru_cache(maxsize=64)
-def _slopes(jac: Any) -> Any:
-    """Return the Jacobian of `_reading` with respect to the unknowns, without delayed rows."""
-
-    def read(t: float, x: np.ndarray, out: np.ndarray, params: np.ndarray) -> None:
-        own, d, k = int(params[-1]), int(params[-2]), int(params[-3])
-        z = _all_rows(t, x, params)
-        block = np.empty((z.shape[0], z.shape[0]))
-        jac(t, z, block, params[:own])
-        for i in range(x.shape[0]):
-            column = 0
-            for row in range(1 + k):
-                kept = row == 0 or params[own + row - 1] == 0.0
-                for c in range(d if kept else 0):
-                    out[i, column] = block[i, row * d + c]
-                    column += 1
-
-    return as_value(derived(read), JAC_SIG)
-
-
-@compiled
-def _all_rows(t: float, x: np.ndarray, params: np.ndarray) -> np.ndarray:
-    """Return y and all rows of memory, ((1 + k) d,)."""
-    own, d, k = int(params[-1]), int(params[-2]), int(params[-3])
-    z, column = np.empty((1 + k) * d), d
-    for c in range(d):
-        z[c] = x[c]
-    for row in range(k):
-        place, first = int(params[own + row]), (1 + row) * d
-        if place == 0:
-            for c in range(d):
-                z[first + c] = x[column + c]
-            column += d
-        else:
-            _look_up(t, params[own + place :], z[first : first + d])
-    return z
-
-
-@compiled
-def _look_up(t: float, table: np.ndarray, out: np.ndarray) -> None:
-    """Set out (d,) to the value of a table at time t."""
-    n, capacity = int(table[0]), int(table[1])
-    times, values = table[2:], table[3 + capacity :]
-    low, high = 0, n
-    while high - low > 1:
-        middle = (low + high) // 2
-        if times[middle] <= t:
-            low = middle
-        else:
-            high = middle
-    u = 2.0 * (t - times[low]) / (times[low + 1] - times[low]) - 1.0
-    u = min(max(u, -1.0), 1.0)
-    for c in range(out.shape[0]):
-        first = (low * out.shape[0] + c) * N_COEFFICIENTS
-        before, last = 0.0, 0.0
-        for j in range(N_COEFFICIENTS - 1, 0, -1):
-            before, last = last, 2.0 * u * last - before + values[first + j]
-        out[c] = u * last - before + values[first]
+            found.append(Delayed(past, len(found), np.zeros(functions.n)))
+    firsts = np.array([delay.past.first.view(float) for delay in found])
+    return with_delays(functions, rows, firsts), tuple(found)
 
 
 def _nodes() -> tuple[np.ndarray, np.ndarray]:

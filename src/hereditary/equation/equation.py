@@ -11,12 +11,12 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..compiled.callbacks import PythonRaised, original
+from ..compiled.functions import Functions
 from ..functions.assemble import functions_of
 from ..functions.build import Start, present_values
 from ..functions.differences import check_jacobian
 from ..functions.reads import digest, digest_of_compiled
 from ..support.checks import count, instance, real, real_array, refuse
-from .affine import affine
 from .chain import chained
 from .delay import Delay, pasts_of, reading
 from .formula import formula
@@ -211,23 +211,19 @@ class Equation:
         self._in_python = bool(functions.callbacks)
         known = {"matrix": said and said.linear, "linear_alone": rhs is None}
         known["callbacks"] = functions.callbacks
-        made, structure = (functions.params, functions.rhs, functions.jac), None
-        n = start.components().size
+        made, structure = functions.functions._replace(start=self.t_start), None
         if said is not None:
-            made, structure = said.assembled(made, n, self.t_start)
-        elif self.t_start != 0:
-            made = affine(made, n, n, t_0=self.t_start)
-        params, rhs, jac = made
-        if jac is not None or structure is not None:
-            check_jacobian(rhs, jac, start.components(), params, structure)
+            made, structure = said.assembled(made, start.components().size)
+        if made.has_jac or structure is not None:
+            check_jacobian(made, start.components(), structure)
         if any(pasts):
-            (params, rhs, jac), known["delays"] = reading((params, rhs, jac), pasts)
+            made, known["delays"] = reading(made, pasts)
             known["terms_digest"] = digest([(p.delay.tau, p.delay.past) for p in pasts if p])
         self._frozen = self._present_values()
         left = left_side(self.terms, factors, orders, self.t_start)
-        known |= {"n_params": start.params.size, "structure": structure}
+        known["structure"] = structure
         known["rhs_digest"] = self._digest_of_rhs()
-        self.system = self._solved(left, initial.view(float), (params, rhs, jac), paired, known)
+        self.system = self._solved(left, initial.view(float), made, paired, known)
         self.system.y0.flags.writeable = False
 
     @property
@@ -254,7 +250,7 @@ class Equation:
         self,
         left: list[SystemTerm],
         initial: np.ndarray,
-        functions: tuple[np.ndarray, Any, Any],
+        functions: Functions,
         paired: bool,
         known: dict[str, Any],
     ) -> System:
@@ -274,11 +270,11 @@ class Equation:
                 remedy = "write the equation as a system of y and its derivatives"
                 refuse("memory", required, repr(self.memory), remedy)
             known["terms_digest"] = digest([(operator.order, c) for operator, c in left])
-            system, speeds = chained(left, initial, *functions)
+            system, speeds = chained(left, initial, functions)
             known["frame"] = Frame(self.t_start, paired, tuple(speeds.tolist()))
             return replace(system, **known)
         known["frame"] = Frame(self.t_start, paired)
-        system = System(left, initial, *functions, **known)
+        system = System(left, initial, functions, **known)
         return with_memory(system, kept) if kept else system
 
     def __repr__(self) -> str:
@@ -338,7 +334,7 @@ class Equation:
         """
         system = self.system
         alone = not system.read.any() and system.structure is None and not self._in_python
-        if not alone or params.size != system.n_params or self._present_values() != self._frozen:
+        if not alone or params.size != system.params.size or self._present_values() != self._frozen:
             return None
         system = displaced(system, system.y0, params)
         try:

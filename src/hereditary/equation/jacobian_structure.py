@@ -5,17 +5,15 @@ from __future__ import annotations
 import importlib
 import inspect
 from collections.abc import Callable
-from functools import cached_property, lru_cache
+from functools import cached_property
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from ..compiled.jacobian import COLUMNS, CONSTANTS, FEW, GROUPS, N_ENTRY_ROWS, ROWS, VALUES
-from ..compiled.jit import JAC_SIG, RHS_SIG, as_value, compiled, derived
-from ..compiled.linalg import clear_matrix
+from ..compiled.functions import Functions, mapped
+from ..compiled.jacobian import COLUMNS, CONSTANTS, FEW, GROUPS, N_ENTRY_ROWS, ROWS
 from ..functions.build import Start, arity_of
 from ..support.checks import complaint, count, refuse, refuse_masked, shown
-from .affine import affine, later, own_size, slopes
 
 # Most diagonals of a pattern that is factorised as a band, after its components are reordered. With
 # more diagonals SuperLU takes less time.
@@ -182,35 +180,21 @@ class Stated(NamedTuple):
         linear = self.linear
         return () if linear is None else (linear.data, linear.indices, linear.indptr)
 
-    def assembled(
-        self, functions: tuple[np.ndarray, Any, Any], d: int, t_start: float
-    ) -> tuple[tuple[np.ndarray, Any, Any], Structure | None]:
-        """Return params, rhs and jac of a system, and its structure, from the user's functions.
-
-        `functions` are params, rhs and jac. The system's time 0 is `t_start`.
-        """
-        params, rhs, jac = functions
-        linear, given = self.linear, rhs is None or jac is not None
+    def assembled(self, functions: Functions, d: int) -> tuple[Functions, Structure | None]:
+        """Return the functions of a system and its structure, from the user's functions."""
+        linear, given = self.linear, functions.has_jac
         structure = None
         if self.rows is not None and d > FEW:
             places = self.places if given else None
             structure = Structure.of(d, self.rows, self.columns, places, linear)
-        if given and structure is not None:
-            jac = entries_of(jac, self.shape, linear is not None or t_start != 0)
-        elif given and self.rows is not None and jac is not None:  # of few components
+        if given and structure is None and self.rows is not None:  # of few components
             table = Structure.of(d, self.rows, self.columns, self.places, None).entries
-            jac = dense_of(entries_of(jac, self.shape, False), table.tobytes(), table.shape)
-        if linear is None and t_start == 0:
-            return (params, rhs, jac), structure
-        entries: Any = ()
+            rows, columns, places = table[[ROWS, COLUMNS, GROUPS]].astype(np.int64)
+            functions = functions._replace(rows=rows, columns=columns, places=places)
         if linear is not None:
             rows = np.repeat(np.arange(d), np.diff(linear.indptr))
-            entries = np.c_[rows, linear.indices, linear.data]
-        rhs = rhs or as_value(_no_values, RHS_SIG)
-        params, rhs, _ = affine((params, rhs, None), d, d, entries, t_0=t_start)
-        if given and structure is None:
-            jac = slopes(jac or no_slopes())
-        return (params, rhs, jac), structure
+            functions = mapped(functions, d, d, np.c_[rows, linear.indices, linear.data])
+        return functions, structure
 
 
 class OnPattern:
@@ -340,74 +324,3 @@ def _as_matrix(name: str, given: Any, required: str) -> Any:
 def _sparse() -> Any:
     """Import SciPy's sparse matrices, which takes a long time."""
     return importlib.import_module("scipy.sparse")
-
-
-@lru_cache(maxsize=64)
-def entries_of(jac: Any, shape: tuple[int, ...], linear: bool) -> Any:
-    """Return a Jacobian that sets the values of entries, from one that fills an array of `shape`.
-
-    Without a function the Jacobian is constant. `linear` is whether the parameters are those of
-    `affine`.
-    """
-    if jac is None:
-        return as_value(_constants, JAC_SIG)
-    shape = shape if len(shape) > 1 else (1, *shape)
-
-    def entries(t: float, y: np.ndarray, out: np.ndarray, params: np.ndarray) -> None:
-        filled = np.zeros(shape)
-        if linear:
-            jac(later(t, params), y, filled, params[: own_size(params)])
-        else:
-            jac(t, y, filled, params)
-        values = filled.reshape(filled.size)
-        for k in range(out.shape[1]):
-            place = int(out[GROUPS, k])
-            out[VALUES, k] = out[CONSTANTS, k] + (values[place] if place >= 0 else 0.0)
-
-    return as_value(derived(entries), JAC_SIG)
-
-
-@lru_cache(maxsize=64)
-def dense_of(jac: Any, content: bytes, shape: tuple[int, ...]) -> Any:
-    """Return a dense Jacobian from one that sets the values of entries.
-
-    `content` and `shape` (5, k) are the bytes and the shape of the table of entries. The function
-    is compiled once for each content.
-    """
-    table = np.frombuffer(content).reshape(shape).copy()
-
-    def dense(t: float, y: np.ndarray, out: np.ndarray, params: np.ndarray) -> None:
-        entries = table.copy()
-        jac(t, y, entries, params)
-        for i in range(out.shape[0]):
-            for j in range(out.shape[1]):
-                out[i, j] = 0.0
-        for k in range(entries.shape[1]):
-            out[int(entries[ROWS, k]), int(entries[COLUMNS, k])] = entries[VALUES, k]
-
-    return as_value(derived(dense), JAC_SIG)
-
-
-@compiled
-def _constants(t: float, y: np.ndarray, out: np.ndarray, params: np.ndarray) -> None:
-    """Set the Jacobian to its constant entries."""
-    for k in range(out.shape[1]):
-        out[VALUES, k] = out[CONSTANTS, k]
-
-
-@compiled
-def _no_values(t: float, y: np.ndarray, out: np.ndarray, params: np.ndarray) -> None:
-    """Set the right-hand side to 0."""
-    for i in range(out.shape[0]):
-        out[i] = 0.0
-
-
-@compiled
-def _no_slopes(t: float, y: np.ndarray, out: np.ndarray, params: np.ndarray) -> None:
-    """Set the Jacobian to 0."""
-    clear_matrix(out)
-
-
-def no_slopes() -> Any:
-    """Return the Jacobian 0."""
-    return as_value(_no_slopes, JAC_SIG)

@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from ..compiled.functions import mapped
 from ..support.checks import complaint, real_array, refuse, refuse_masked, shown
-from .affine import affine
 from .delay import Delay
 from .operators import Summand, Term
 from .orders import merged_orders
@@ -191,9 +191,8 @@ def _without_unread(system: System, left: Sequence[SystemTerm], factors: np.ndar
     if not kept.all():
         ones, places = np.ones(kept.sum()), np.flatnonzero(kept)
         read = np.c_[places, np.arange(places.size), ones]
-        functions = system.compiled_params, system.compiled_rhs, system.compiled_jac
-        made = affine(functions, places.size, kept.size, a=read[:d], s=read)
-        known |= dict(zip(("compiled_params", "compiled_rhs", "compiled_jac"), made, strict=True))
+        functions = mapped(system.functions, places.size, kept.size, a=read[:d], s=read)
+        known["functions"] = functions
     y0 = np.take(system.y0, sources, axis=1)
     return replace(system, left=left, y0=y0, sources=sources, **known)
 

@@ -10,7 +10,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..compiled.jacobian import VALUES, derivatives_by_parameters, jacobian_at, right_side
+from ..compiled.functions import Functions
+from ..compiled.jacobian import (
+    VALUES,
+    derivatives_by_parameters,
+    force_at,
+    jacobian_at,
+    right_side,
+)
 from ..compiled.signatures import RightSide
 from ..functions.differences import units_of
 from ..support.checks import refuse
@@ -37,20 +44,17 @@ class System:
         is.
     y0 : ndarray, shape (m, d)
         y(0), and y'(0) if m = 2; a memory component has those of its source.
-    compiled_params : ndarray
-        Parameters of the user, followed by further numbers that only compiled code reads.
-    compiled_rhs : callable or None
-        Right-hand side; None in a system that serves only to make plans.
-    compiled_jac : callable, optional
-        Jacobian of the right-hand side; None for differences.
+    functions : Functions
+        Right-hand side, its Jacobian and parameters, for compiled code.
+    force_of_plan : callable, optional
+        ``force_of_plan(t, y)`` in place of the right-hand side, in a system that serves only to
+        make plans.
     sources : ndarray of int64, shape (d,), optional
         Source of each component: the component whose memory it is. A component with an equation is
         its own source.
     structure : Structure, optional
         Entries of the Jacobian that may differ from 0. With it, functions for the Jacobian set
         these entries only.
-    n_params : int, optional
-        Number of parameters of the user; all by default.
     quantities, of_y : ndarray of int64, shape (d,), optional
         For each component, the number of the quantity whose scale it has: 0 for y, others for
         derivatives and for parameters. `of_y` is the component of y to which it belongs, its source
@@ -69,18 +73,18 @@ class System:
         their addresses.
     by_params : int
         Number of tangents that are derivatives by parameters: tangent k is that by parameter k.
+    switches : tuple
+        Compiled switches. The system keeps them alive.
     delays : tuple of Delayed
-        Delays. The right-hand side reads delayed values from tables after its parameters.
+        Delays, whose values the right-hand side reads from `functions`.
     """
 
     left: Iterable[SystemTerm]  # a tuple from __post_init__ on
     y0: np.ndarray
-    compiled_params: np.ndarray
-    compiled_rhs: Any = None
-    compiled_jac: Any = None
+    functions: Functions
+    force_of_plan: Any = None
     sources: Any = None
     structure: Structure | None = None
-    n_params: Any = None
     quantities: Any = None
     of_y: Any = None
     frame: Frame = _SAME
@@ -91,14 +95,13 @@ class System:
     callbacks: tuple = ()
     by_params: int = 0
     delays: tuple[Delayed, ...] = ()
+    switches: tuple = ()
 
     def __post_init__(self) -> None:
         set_once = partial(object.__setattr__, self)
         set_once("left", tuple(self.left))
         if self.sources is None:
             set_once("sources", np.arange(self.d))
-        if self.n_params is None:
-            set_once("n_params", self.compiled_params.size)
         if self.quantities is None:
             set_once("quantities", np.zeros(self.d, dtype=np.int64))
         if self.of_y is None:
@@ -151,29 +154,40 @@ class System:
     @property
     def has_jac(self) -> bool:
         """Whether the Jacobian is given; otherwise it comes from differences."""
-        return self.compiled_jac is not None
+        return self.functions.has_jac
 
     @property
     def compiled(self) -> RightSide:
-        """Right-hand side, its Jacobian and parameters for the records of compiled code."""
-        how = self.compiled_rhs, self.compiled_jac, self.compiled_params
-        return right_side(*how, self.structure is not None, self.by_params)
+        """Right-hand side and its Jacobian for the records of compiled code."""
+        return self.compiled_with(self.functions.params)
+
+    def compiled_with(self, params: np.ndarray) -> RightSide:
+        """Return `compiled` with other parameters (p,)."""
+        functions = self.functions._replace(params=params)
+        return right_side(functions, self.structure is not None, self.by_params)
 
     @property
     def params(self) -> np.ndarray:
         """Parameters of the right-hand side, shape (p,), not to be written to.
 
-        Marches use `compiled_params`, because compiled code accepts no read-only arrays.
+        Marches use those of `functions`, because compiled code accepts no read-only arrays.
         """
-        locked = self.compiled_params[: self.n_params]
+        locked = self.functions.params.view()
         locked.flags.writeable = False
         return locked
 
     def force(self, t: float, y: np.ndarray) -> np.ndarray:
         """Return the right-hand side at time t, counted from the start, and y (d,)."""
+        if self.force_of_plan is not None:
+            return self.force_of_plan(t, y)
         out = np.empty(self.d)
-        self.compiled_rhs(float(t), np.array(y, dtype=float), out, self.compiled_params)
+        force_at(self._right, float(t), np.array(y, dtype=float), out)
         return out
+
+    @cached_property
+    def _right(self) -> RightSide:
+        """The record `compiled` for single calls."""
+        return self.compiled
 
     def beside(self, t: float, sign: float) -> float:
         """Return a time just after (sign 1) or just before (-1) t, by some units of rounding.
@@ -256,14 +270,14 @@ class System:
         out = np.empty((d, d)) if structure is None else structure.entries.copy()
         y = np.array(y, dtype=float)
         units = self.positive_units if units is None else units
-        jacobian_at(self.compiled, float(t), y, units, out)
+        jacobian_at(self._right, float(t), y, units, out)
         return out if structure is None else structure.matrix(out[VALUES])
 
     def derivatives_by_parameters(self, t: float, y: np.ndarray) -> np.ndarray:
         """Return d rhs / d p at (t, y) by the first `by_params` parameters, (by_params, d)."""
         out = np.empty((self.by_params, self.d))
         if self.by_params:
-            derivatives_by_parameters(self.compiled, float(t), np.array(y, dtype=float), out)
+            derivatives_by_parameters(self._right, float(t), np.array(y, dtype=float), out)
         return out
 
     @cached_property
@@ -271,7 +285,7 @@ class System:
         """Units of the components, (d,), for differences where y is small; 0 if unknown."""
         if self.has_jac:
             return np.ones(self.d)
-        return units_of(self.compiled_rhs, self.compiled_params, self.at_start)
+        return units_of(self._right, self.at_start)
 
     @property
     def positive_units(self) -> np.ndarray:
@@ -285,7 +299,8 @@ class System:
         """
         if self.structure is None:
             return self
-        return replace(self, compiled_jac=None, structure=None, matrix=None, linear_alone=False)
+        functions = self.functions.without_jac()
+        return replace(self, functions=functions, structure=None, matrix=None, linear_alone=False)
 
     def motion(self, t: float, y: np.ndarray, ydot: np.ndarray) -> np.ndarray:
         """Estimate y' at time t from y and ydot, both (d,).
@@ -341,32 +356,31 @@ def variational(system: System, directions: np.ndarray) -> System:
     d, k = system.d, directions.shape[2]
     y0 = np.hstack([system.y0, *np.moveaxis(directions, 2, 0)])
 
-    def rhs(t: float, y: np.ndarray, dy: np.ndarray, params: np.ndarray) -> None:
-        system.compiled_rhs(t, np.ascontiguousarray(y[:d]), dy[:d], params)
+    def force(t: float, y: np.ndarray) -> np.ndarray:
         forces = (system.derivative(t, y[:d]) @ y[d:].reshape(k, d).T).T
         forces[: system.by_params] += system.derivatives_by_parameters(t, y[:d])
-        dy[d:] = forces.ravel()
+        return np.concatenate([system.force(t, y[:d]), forces.ravel()])
 
-    return _repeated(system, 1 + k, y0, rhs)
+    return _repeated(system, 1 + k, y0, force)
 
 
 def side_by_side(systems: Sequence[System]) -> System:
     """Return several systems with the same left side as one system, for plans alone."""
     d = systems[0].d
 
-    def rhs(t: float, y: np.ndarray, dy: np.ndarray, _: np.ndarray) -> None:
-        for m, system in enumerate(systems):
-            own = slice(m * d, (m + 1) * d)
-            dy[own] = system.force(t, y[own])
+    def force(t: float, y: np.ndarray) -> np.ndarray:
+        return np.concatenate(
+            [system.force(t, y[m * d : (m + 1) * d]) for m, system in enumerate(systems)]
+        )
 
-    return _repeated(systems[0], len(systems), np.hstack([s.y0 for s in systems]), rhs)
+    return _repeated(systems[0], len(systems), np.hstack([s.y0 for s in systems]), force)
 
 
-def _repeated(system: System, times: int, y0: np.ndarray, rhs: Any) -> System:
+def _repeated(system: System, times: int, y0: np.ndarray, force: Any) -> System:
     """Return a system with `times` copies of the components of `system`, each with its terms."""
     left = [SystemTerm(operator, np.tile(c, times)) for operator, c in system.left]
     sources = (system.sources + system.d * np.arange(times)[:, None]).ravel()
-    return System(left, y0, system.compiled_params, rhs, sources=sources)
+    return System(left, y0, system.functions, force, sources)
 
 
 def displaced(system: System, y0: np.ndarray, params: np.ndarray | None = None) -> System:
@@ -374,12 +388,15 @@ def displaced(system: System, y0: np.ndarray, params: np.ndarray | None = None) 
 
     Delays read a past that is displaced as y(0) is.
     """
-    values = system.compiled_params.copy()
+    functions, delays = system.functions, system.delays
     if params is not None:
-        values[: params.size] = params
-    if system.delays:
+        functions = functions._replace(params=np.append(params, functions.params[params.size :]))
+    if delays:
         lift = (y0 - system.y0[:, : y0.shape[1]])[0, : system.n_solved]
-        system = replace(system, delays=tuple(each.lifted(lift, values) for each in system.delays))
+        delays = tuple(each.lifted(lift) for each in delays)
+        values = functions.delays.values.copy()
+        values[:, 0, :, 0] += lift
+        functions = functions._replace(delays=functions.delays._replace(values=values))
     y0 = np.take(y0, system.sources, axis=1)
     y0.flags.writeable = False
-    return replace(system, y0=y0, compiled_params=values)
+    return replace(system, y0=y0, functions=functions, delays=delays)

@@ -2,34 +2,54 @@
 
 A right-hand side may be written ``f(t, y)`` or ``f(t, y, params)``, which return the values, or in
 place ``f(t, y, dy, params)``. A Jacobian may be written in the same ways. A function that reads
-memory has it as its third argument. In each case the solver receives one compiled function of a
-fixed signature. Its argument z contains the d components of y, then the k d values of memory.
+memory has it as its third argument. Each function becomes a field of one record, `Functions`, which
+calls it by its own arguments.
 """
 
 import warnings
 from collections.abc import Callable
-from functools import lru_cache, partial
+from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from ..compiled.jit import JAC_SIG, RHS_SIG, as_value, derived
+from ..compiled.functions import (
+    A_MATRIX,
+    BY_DIFFERENCES,
+    COMPLEX,
+    COMPLEX_READING,
+    CONSTANT,
+    ENTRIES,
+    IN_PYTHON,
+    IN_TWO_PARTS,
+    JAC_IN_PYTHON,
+    READING,
+    REAL,
+    ZERO,
+    Functions,
+    of_user,
+)
+from ..compiled.jit import (
+    COMPLEX_READING_SIG,
+    COMPLEX_RHS_SIG,
+    JAC_SIG,
+    READING_JAC_SIG,
+    READING_SIG,
+    RHS_SIG,
+)
 from ..support.checks import refuse
 from .build import Function, Start, function_of, locked
-from .python_calls import Callback, PythonFunctionWarning, before_addresses, in_python
+from .python_calls import Callback, PythonFunctionWarning
 
 
-class Functions(NamedTuple):
-    """Compiled functions of a system, and their parameters.
+class Assembled(NamedTuple):
+    """The record of a system's functions, and the callbacks into Python whose addresses it has.
 
-    `jac` may be None. If a function is called in Python, the last entries of `params` (p,) are the
-    addresses of `callbacks`. The callbacks must stay alive as long as the functions are used.
+    The callbacks must stay alive as long as the record is used.
     """
 
-    rhs: Any
-    jac: Any
-    params: np.ndarray
-    callbacks: tuple
+    functions: Functions
+    callbacks: tuple[Callback, ...]
 
 
 def functions_of(
@@ -39,36 +59,74 @@ def functions_of(
     start: Start,
     hint: Callable[[], str],
     shape: tuple[int, ...] | None = None,
-) -> Functions:
-    """Check the functions of an equation at the start and return them as `Functions`.
+) -> Assembled:
+    """Check the functions of an equation at the start and return their record as `Assembled`.
 
-    If `rhs` is None, the result has no right-hand side. `jac_memory` returns the derivatives of
-    `rhs` by memory. ``hint()`` is appended to messages if `rhs` does not fit y0. `shape` is the
-    shape of the values of `jac`, (d, d) by default.
+    If `rhs` is None, it is 0. `jac_memory` returns the derivatives of `rhs` by memory. ``hint()``
+    is appended to messages if `rhs` does not fit y0. `shape` is the shape of the values of `jac`,
+    (d, d) by default.
     """
     k, d = start.memory.shape
-    shape, n = shape or (d, d), start.components().size
+    shape = shape or (d, d)
     if start.paired and jac is not None:
         refuse("jac", "be left out for complex y, so that differences are used", repr(jac))
-    forces = [] if rhs is None else [function_of("rhs", "dy", rhs, start, (d,), RHS_SIG, hint)]
+    fields: dict[str, Any] = {"form": ZERO, "jac_form": CONSTANT}
+    parts: list[_Part] = []
+    if rhs is not None:
+        name, form, signature = _FORMS[k > 0, start.paired]
+        found = function_of("rhs", "dy", rhs, start, (d,), signature, hint)
+        values = (start.y.view(float).size,)
+        parts.append(_Part("rhs", found, name, {"form": form}, {"form": IN_PYTHON}, values))
+        fields = {"jac_form": BY_DIFFERENCES}
     if (jac is None) != (jac_memory is None) and (k or jac is None):
         given, lacking = ("jac", "jac_memory") if jac_memory is None else ("jac_memory", "jac")
         required = f"come with {lacking}" if k else "be left out if no memory is read"
         refuse(given, required, "it alone", "leave out both for differences")
-    slopes = [] if jac is None else [_jacobian(jac, start, shape)]
+    if jac is not None:
+        parts.append(_jacobian(jac, start, shape))
+        rows, columns = shape if len(shape) > 1 else (1, *shape)
+        fields |= {"jac_rows": rows, "jac_columns": columns}
     if jac is not None and k:
-        beside = function_of("jac_memory", "jacobian", jac_memory, start, (d, k * d), JAC_SIG)
-        slopes.append(beside)
-    first = _callback("rhs", forces, start, (n,))
-    second = _callback("jac", slopes, start, (n, n) if k else shape)
-    held = tuple(filter(None, (first, second)))
-    addresses = [first.address if first else 0.0, second.address if second else 0.0]
-    return Functions(
-        in_python(RHS_SIG) if first else _as_one(forces, RHS_SIG, k, held),
-        in_python(JAC_SIG) if second else _as_one(slopes, JAC_SIG, k, held),
-        np.append(start.params, addresses if held else []),
-        held,
-    )
+        by_memory = d, k * d
+        found = function_of("jac_memory", "jacobian", jac_memory, start, by_memory, READING_JAC_SIG)
+        parts.append(_Part("jac_memory", found, "jac_memory", {}, {}, by_memory))
+    addresses, callbacks = np.zeros(3, dtype=np.int64), []
+    for number, part in enumerate(parts):
+        if part.function.compiled:
+            fields |= part.compiled | {part.field: part.function.compiled}
+            continue
+        fill = partial(part.function.fill, params=locked(start.params))
+        made = Callback(part.name, fill, start.components().size, part.shape)
+        addresses[number] = made.address
+        callbacks.append(made)
+        fields |= part.in_python
+    functions = of_user(start.params, start.y.view(float).size, in_python=addresses, **fields)
+    return Assembled(functions, tuple(callbacks))
+
+
+class _Part(NamedTuple):
+    """One function of a user, and what the record has of it.
+
+    - name: argument of the equation, for messages; field: its field in `Functions`.
+    - compiled, in_python: further fields of the record, if it is compiled or called in Python.
+    - shape: that of its values, in real numbers.
+    """
+
+    name: str
+    function: Function
+    field: str
+    compiled: dict[str, int]
+    in_python: dict[str, int]
+    shape: tuple[int, ...]
+
+
+# Field, form and signature of a right-hand side, by whether it reads memory and is complex.
+_FORMS = {
+    (False, False): ("rhs", REAL, RHS_SIG),
+    (True, False): ("reading", READING, READING_SIG),
+    (False, True): ("complex", COMPLEX, COMPLEX_RHS_SIG),
+    (True, True): ("complex_reading", COMPLEX_READING, COMPLEX_READING_SIG),
+}
 
 
 def switch_of(switch: Any, y: np.ndarray, t: float) -> Any:
@@ -82,95 +140,16 @@ def switch_of(switch: Any, y: np.ndarray, t: float) -> Any:
     return function_of("switches", "value", switch, *how).compiled
 
 
-def _as_one(parts: list[Function], signature: Any, k: int, called: tuple[Callback, ...]) -> Any:
-    """Return one compiled function for all components, or None without `parts`.
-
-    `parts` are the right-hand side, or the Jacobians by y and by memory. The parameters end with
-    addresses if `called`, the functions called in Python, are not empty.
-    """
-    if not parts:
-        return None
-    one = parts[0].compiled
-    if k:
-        one = _padded(one, k) if signature is RHS_SIG else _joined(one, parts[1].compiled, k)
-        one = as_value(one, signature)
-    return before_addresses(one, signature) if called else one
-
-
-def _jacobian(jac: Any, start: Start, shape: tuple[int, ...]) -> Function:
-    """Check a Jacobian and return it as a function that fills a matrix.
-
-    If its values are a vector of k entries, the matrix is a row, (1, k).
-    """
+def _jacobian(jac: Any, start: Start, shape: tuple[int, ...]) -> _Part:
+    """Check a Jacobian, whose values are a matrix, or a vector of entries."""
+    called = {"jac_form": JAC_IN_PYTHON}
     if len(shape) > 1:
-        return function_of("jac", "jacobian", jac, start, shape, JAC_SIG)
+        field, form, signature = "jac", A_MATRIX, JAC_SIG
+        if len(start.memory):
+            field, form, signature = "jac_reading", IN_TWO_PARTS, READING_JAC_SIG
+        made = function_of("jac", "jacobian", jac, start, shape, signature)
+        return _Part("jac", made, field, {"jac_form": form}, called, shape)
     with warnings.catch_warnings():  # slow calls matter little: Jacobians serve many steps
         warnings.simplefilter("ignore", PythonFunctionWarning)
         made = function_of("jac", "data", jac, start, shape, RHS_SIG)
-    return made._replace(compiled=made.compiled and _as_row(made.compiled))
-
-
-def _callback(
-    name: str, parts: list[Function], start: Start, shape: tuple[int, ...]
-) -> Callback | None:
-    """Return a callback that fills all values by calling `parts` in Python; None if all compile.
-
-    `shape` is the shape of all values.
-    """
-    if all(part.compiled for part in parts):
-        return None
-    n, params = start.components().size, locked(start.params)
-    d = n // (1 + len(start.memory))
-    if d == n:
-        return Callback(name, partial(parts[0].fill, params=params), n, shape)
-
-    def fill_all(t: float, z: np.ndarray, out: np.ndarray) -> None:
-        out[d:] = 0.0
-        places = [out[:d]] if name == "rhs" else [out[:d, :d], out[:d, d:]]
-        for part, place in zip(parts, places, strict=True):
-            part.fill(t, z, place, params)
-
-    return Callback(name, fill_all, n, shape)
-
-
-@lru_cache(maxsize=256)
-def _padded(rhs: Any, k: int) -> Any:
-    """Return a right-hand side with d + k d values from one with d: values of memory are 0."""
-
-    def all_components(t: float, z: np.ndarray, out: np.ndarray, params: np.ndarray) -> None:
-        d = z.shape[0] // (1 + k)
-        rhs(t, z, out[:d], params)
-        for i in range(d, z.shape[0]):
-            out[i] = 0.0
-
-    return derived(all_components)
-
-
-@lru_cache(maxsize=256)
-def _joined(jac: Any, beside: Any, k: int) -> Any:
-    """Return the Jacobian of `_padded` from those of f by y, (d, d), and by memory, (d, k d)."""
-
-    def all_components(t: float, z: np.ndarray, out: np.ndarray, params: np.ndarray) -> None:
-        n = z.shape[0]
-        d = n // (1 + k)
-        by_y, by_memory = np.empty((d, d)), np.empty((d, k * d))
-        jac(t, z, by_y, params)
-        beside(t, z, by_memory, params)
-        for i in range(n):
-            for j in range(n):
-                if i >= d:
-                    out[i, j] = 0.0
-                else:
-                    out[i, j] = by_y[i, j] if j < d else by_memory[i, j - d]
-
-    return derived(all_components)
-
-
-@lru_cache(maxsize=64)
-def _as_row(values: Any) -> Any:
-    """Return a function that fills an array (1, k), from one that fills a vector (k,)."""
-
-    def row(t: float, y: np.ndarray, out: np.ndarray, params: np.ndarray) -> None:
-        values(t, y, out[0], params)
-
-    return as_value(derived(row), JAC_SIG)
+    return _Part("jac", made, "jac_entries", {"jac_form": ENTRIES}, called, shape)

@@ -153,7 +153,7 @@ def _difference(compiled: Any, expected: np.ndarray, start: Start) -> str:
     """Return how compiled values at the start differ from Python's; "" if they agree."""
     found = np.full_like(expected, np.nan)
     try:
-        compiled(start.t, start.components(), found.view(float), start.params.copy())
+        compiled(start.t, *start.parts(), found, start.params.copy())
     except Exception as error:
         return f"for compiled it raises {type(error).__name__}: {error}"
     if nearly_equal(found, expected):
@@ -206,7 +206,7 @@ def _build(
     """
     plain, k = _plain(fun), len(start.memory)
     if config.DISABLE_JIT:
-        return _locking(_in_python(name, plain, arity, start, shape)), ""
+        return _of_parts(_in_python(name, plain, arity, start, shape)), ""
     # only compiled code calls these functions, and a wrapper for Python would take 1 MB each
     inside = {"boundscheck": True, **without("cpython")}
     inner: dict[str, Any] = {"nogil": True, **without("cfunc"), **inside}
@@ -226,10 +226,10 @@ def _build(
         returned = jitted.nopython_signatures[0].return_type
         simple = isinstance(returned, (types.NoneType, types.Number, types.Boolean))
         copied = bool(_PAST_READ_ONLY & code_names(key[0]))
-        adapter = _adapter(_split(jitted, k), arity, form, len(shape))
+        adapter = (_reading if k else _adapter)(jitted, arity, form, len(shape))
         adapter = derived(adapter, allocates=not simple)
-        adapter = derived(_of_copies(adapter)) if copied else adapter
-        return as_value(derived(_of_parts(adapter)) if start.paired else adapter, key[2]), ""
+        adapter = derived(_of_copies(adapter, k)) if copied else adapter
+        return as_value(adapter, key[2]), ""
     except Exception as error:  # numba raises exceptions of many types
         if _compiles(fresh(fun, inner, inside), [a.copy(readonly=False) for a in own[1:]]):
             raise TypeError(writing_complaint(name, plain, error)) from error
@@ -245,33 +245,14 @@ def _compiles(jitted: Any, arrays: list) -> bool:
     return True
 
 
-def _split(fun: Any, k: int) -> Any:
-    """Return a function of z, all components, from a compiled one of y (d,) and memory (k, d).
+def _of_copies(fun: Any, k: int) -> Fill:
+    """Return a function that calls `fun` with copies of y, memory and params, which it may change.
 
-    z has d + k d components: y, then the k rows of memory. For k = 0 it is the function itself.
+    There are k rows of memory.
     """
     if k == 0:
-        return fun
-
-    def of_all(t: float, z: np.ndarray, *others: np.ndarray) -> Any:
-        d = z.shape[0] // (1 + k)
-        return fun(t, z[:d], z[d:].reshape(k, d), *others)
-
-    return derived(of_all)
-
-
-def _of_copies(fun: Any) -> Fill:
-    """Return a function that calls `fun` with copies of y and params, which `fun` may change."""
-    return lambda t, y, out, params: fun(t, y.copy(), out, params.copy())
-
-
-def _of_parts(fun: Any) -> Fill:
-    """Return a function of real and imaginary parts from a function of complex components."""
-
-    def of_parts(t: float, z: np.ndarray, out: np.ndarray, params: np.ndarray) -> None:
-        fun(t, z.view(np.complex128), out.view(np.complex128), params)
-
-    return of_parts
+        return lambda t, y, out, params: fun(t, y.copy(), out, params.copy())
+    return lambda t, y, memory, out, params: fun(t, y.copy(), memory.copy(), out, params.copy())
 
 
 def _adapter(fun: Any, arity: int, form: str, n_axes: int) -> Fill:
@@ -297,6 +278,46 @@ def _adapter(fun: Any, arity: int, form: str, n_axes: int) -> Fill:
 
     def from_matrix(t: float, y: np.ndarray, out: np.ndarray, params: np.ndarray) -> None:
         values = np.asarray(fun(t, y, params) if with_params else fun(t, y))
+        if values.shape != out.shape:
+            raise ValueError(_RESHAPED)
+        for i in range(out.shape[0]):
+            for j in range(out.shape[1]):
+                out[i, j] = values[i, j]
+
+    if form == "in place":
+        return in_place
+    if form == "number":
+        return from_number
+    return from_vector if n_axes == 1 else from_matrix
+
+
+def _reading(fun: Any, arity: int, form: str, n_axes: int) -> Fill:
+    """Return the `_adapter` of a function that reads memory, its third argument."""
+    one, with_params = (0,) * n_axes, arity == 3
+
+    def in_place(
+        t: float, y: np.ndarray, memory: np.ndarray, out: np.ndarray, params: np.ndarray
+    ) -> None:
+        fun(t, y, memory, out, params)
+
+    def from_number(
+        t: float, y: np.ndarray, memory: np.ndarray, out: np.ndarray, params: np.ndarray
+    ) -> None:
+        out[one] = fun(t, y, memory, params) if with_params else fun(t, y, memory)
+
+    def from_vector(
+        t: float, y: np.ndarray, memory: np.ndarray, out: np.ndarray, params: np.ndarray
+    ) -> None:
+        values = np.asarray(fun(t, y, memory, params) if with_params else fun(t, y, memory))
+        if values.shape != out.shape:
+            raise ValueError(_RESHAPED)
+        for i in range(out.shape[0]):
+            out[i] = values[i]
+
+    def from_matrix(
+        t: float, y: np.ndarray, memory: np.ndarray, out: np.ndarray, params: np.ndarray
+    ) -> None:
+        values = np.asarray(fun(t, y, memory, params) if with_params else fun(t, y, memory))
         if values.shape != out.shape:
             raise ValueError(_RESHAPED)
         for i in range(out.shape[0]):
@@ -338,9 +359,15 @@ def _in_python(name: str, fun: Any, arity: int, start: Start, shape: tuple[int, 
     return fill
 
 
-def _locking(fill: Fill) -> Fill:
-    """Return `fill` with read-only z and params, for runs in which numba compiles nothing."""
-    return lambda t, z, out, params: fill(t, locked(z), out, locked(params))
+def _of_parts(fill: Fill) -> Fill:
+    """Return `fill` with the arguments of a compiled function, where numba compiles nothing."""
+
+    def of_parts(t: float, *given: np.ndarray) -> None:
+        *parts, out, params = given
+        z = np.concatenate([part.ravel() for part in parts]).view(float)
+        fill(t, locked(z), out.view(float), locked(params))
+
+    return of_parts
 
 
 def locked(array: np.ndarray) -> np.ndarray:
@@ -374,6 +401,10 @@ class Start(NamedTuple):
     def components(self) -> np.ndarray:
         """Return y and memory as the real components of one system."""
         return np.concatenate([self.y, self.memory.ravel()]).view(float)
+
+    def parts(self) -> list[np.ndarray]:
+        """Return copies of y and, if there is any, memory, as compiled functions get them."""
+        return [part.copy() for part in (self.y, self.memory) if part.size]
 
     def shapes(self, name: str, out: str) -> str:
         """Return the allowed lists of arguments of a function, for messages."""

@@ -8,7 +8,9 @@ from typing import Any
 
 import numpy as np
 
-from ..compiled.jacobian import FEW, LEAST, VALUES, extend, jacobian_at, right_side
+from ..compiled.functions import Functions
+from ..compiled.jacobian import FEW, LEAST, VALUES, extend, force_at, jacobian_at, right_side
+from ..compiled.signatures import RightSide
 from ..support.checks import complaint
 
 # Two steps of the differences that check a Jacobian, relative to the size of a component.
@@ -33,18 +35,16 @@ _MOST_TRIALS = 12
 _CLEAR = 1e-5
 
 
-def check_jacobian(
-    rhs: Any, jac: Any, y0: np.ndarray, params: np.ndarray, structure: Any = None
-) -> None:
+def check_jacobian(functions: Functions, y0: np.ndarray, structure: Any = None) -> None:
     """Refuse a Jacobian that is not the derivative of the right-hand side near y0, at t = 0."""
-    if found := wrong_jacobian(rhs, jac, y0, params, structure):
+    if found := wrong_jacobian(functions, y0, structure):
         raise ValueError(found)
 
 
 def wrong_jacobian(
-    rhs: Any, jac: Any, y0: np.ndarray, params: np.ndarray, structure: Any = None, t: float = 0.0
+    functions: Functions, y0: np.ndarray, structure: Any = None, t: float = 0.0
 ) -> str:
-    """Return a complaint of a Jacobian that is not the derivative of `rhs` near y0; else "".
+    """Return a complaint of a Jacobian that is not the derivative of f near y0; else "".
 
     Products of the Jacobian with directions are compared with differences of `rhs` along these
     directions. For a dense Jacobian the directions are the axes; with a `structure` there is one
@@ -58,15 +58,15 @@ def wrong_jacobian(
 
     Parameters
     ----------
-    rhs, jac : callable
-        Compiled functions, which fill their third argument.
-    y0, params : ndarray, shape (d,) and (p,)
+    functions : Functions
+    y0 : ndarray, shape (d,)
     structure : Structure, optional
     t : float
         Time since the start [time].
     """
     random = np.random.default_rng(0)
-    units = units_of(rhs, params, y0)
+    right = right_side(functions, structure is not None)
+    units = units_of(right, y0)
     units[units == 0] = 1.0
     scale = np.maximum(np.abs(y0), 0.1 * units)
     aside = random.uniform(0.5, 1.0, (2, y0.size)) * 0.03 * scale
@@ -78,7 +78,7 @@ def wrong_jacobian(
             signs = random.choice([-1.0, 1.0], y0.size)
             directions = (signs * random.uniform(0.5, 1.0, y0.size) * scale)[None]
             lengths = np.ones(1)
-        trial = _deviation(rhs, jac, structure, t, y, params, units, directions, lengths)
+        trial = _deviation(right, structure, t, y, units, directions, lengths)
         if trial is not None:
             found.append(trial)
     counts = np.sum([wrong for wrong, _, _ in found], axis=0) if found else np.zeros((1, 1))
@@ -95,17 +95,15 @@ def wrong_jacobian(
         got = f"others in row {i}, {where}"
         required = "hold every entry of d rhs / d y that differs from 0"
         remedy = "differences along a random direction tell so"
-    name = "jac_sparsity or bandwidth" if jac is None else "jac"
+    name = "jac" if functions.has_jac else "jac_sparsity or bandwidth"
     return complaint(name, required, got, remedy)
 
 
 def _deviation(
-    rhs: Any,
-    jac: Any,
+    right: RightSide,
     structure: Any,
     t: float,
     y: np.ndarray,
-    params: np.ndarray,
     units: np.ndarray,
     directions: np.ndarray,
     lengths: np.ndarray,
@@ -123,10 +121,7 @@ def _deviation(
     """
     entries = np.empty((y.size, y.size)) if structure is None else structure.entries.copy()
     try:
-        if jac is None:
-            jacobian_at(right_side(rhs, None, params, sparse=True), t, y, units, entries)
-        else:
-            jac(t, y.copy(), entries, params)
+        jacobian_at(right, t, y.copy(), units, entries)
     except Exception:  # y lies outside of the domain of the Jacobian
         return None
     given, sizes = entries, np.abs(entries)
@@ -134,11 +129,12 @@ def _deviation(
         with np.errstate(all="ignore"):
             matrix = structure.matrix(entries[VALUES])
             given, sizes = matrix @ directions.T, abs(matrix) @ np.abs(directions.T)
-    share = _OF_ENTRY if structure is None else _OF_DIFFERENCES if jac is None else _OF_GIVEN
+    of_product = _OF_GIVEN if right.force.functions.has_jac else _OF_DIFFERENCES
+    share = _OF_ENTRY if structure is None else of_product
     found, least = np.zeros_like(given), np.full(given.shape, np.inf)
     longest = np.abs(y).max() / np.abs(directions).max(axis=1)
     for _ in range(_MOST_TRIALS):
-        values = _values(rhs, t, y, params, lengths[:, None] * directions)
+        values = _values(right, t, y, lengths[:, None] * directions)
         if values is None:
             break
         with np.errstate(all="ignore"):
@@ -160,9 +156,7 @@ def _deviation(
     return np.abs(given - found) > least, given, found
 
 
-def _values(
-    rhs: Any, t: float, y: np.ndarray, params: np.ndarray, shifts: np.ndarray
-) -> np.ndarray | None:
+def _values(right: RightSide, t: float, y: np.ndarray, shifts: np.ndarray) -> np.ndarray | None:
     """Return f beside y, (2, 2, n, d): for both steps above and below y; None if f raises.
 
     The n shifts (n, d) are multiplied by the steps of the differences.
@@ -171,16 +165,18 @@ def _values(
     try:
         for step, (above, below) in zip(_STEPS, values, strict=True):
             for up, down, shift in zip(above, below, step * shifts, strict=True):
-                rhs(t, y + shift, up, params)
-                rhs(t, y - shift, down, params)
+                force_at(right, t, y + shift, up)
+                force_at(right, t, y - shift, down)
                 if not np.isfinite(up - down).all():
-                    extend(rhs, t, y, params, up, down)
+                    middle = np.empty(y.size)
+                    force_at(right, t, y, middle)
+                    extend(middle, up, down)
     except Exception:  # y lies outside of the domain of f
         return None
     return values
 
 
-def units_of(rhs: Any, params: np.ndarray, y0: np.ndarray) -> np.ndarray:
+def units_of(right: RightSide, y0: np.ndarray) -> np.ndarray:
     """Return units of components, (d,), for the steps of differences where y is small.
 
     The unit is about the size of the component in y0. For a component at or near 0 it is a step
@@ -191,30 +187,30 @@ def units_of(rhs: Any, params: np.ndarray, y0: np.ndarray) -> np.ndarray:
     units = np.abs(y0)
     small = np.flatnonzero(units <= _SMALL * units.max())
     if y0.size > FEW:  # one unit for all components of a large system
-        units[:] = units.max() or np.abs(_moved(rhs, params, y0)).max()
+        units[:] = units.max() or np.abs(_moved(right, y0)).max()
         small = small[:0]
     with np.errstate(all="ignore"):  # steps may grow beyond all numbers
         for c in small.tolist():
-            units[c] = _visible_step(rhs, params, y0, c)
+            units[c] = _visible_step(right, y0, c)
     # powers of two, with which scaling is exact
     known = (units > LEAST) & (units < np.inf)
     return np.ldexp(known.astype(float), np.frexp(np.where(known, units, 1.0))[1] - 1)
 
 
-def _visible_step(rhs: Any, params: np.ndarray, y0: np.ndarray, c: int) -> float:
+def _visible_step(right: RightSide, y0: np.ndarray, c: int) -> float:
     """Return a step of component c that changes f clearly and proportionally at t = 0.
 
     Returns 0 if no trial step does.
     """
-    force, found, shrunk = _moved(rhs, params, y0), 0.0, False
+    force, found, shrunk = _moved(right, y0), 0.0, False
     size = max(abs(y0[c]), _FIRST_STEP * abs(force[c]))
     size = size if size > LEAST else _FIRST_STEP * np.abs(y0).max()
     if size == 0:  # f_c = 0 at first: it may start later, or depend on others only
-        later = [abs(_moved(rhs, params, y0, t=t)[c]) for t in _LATER]
+        later = [abs(_moved(right, y0, t=t)[c]) for t in _LATER]
         size = _FIRST_STEP * (np.nanmax([0.0, *later]) or np.abs(force).max())
     step = size
     for _ in range(_MOST_TRIALS if 0 < step < np.inf else 0):
-        change, twice = (_moved(rhs, params, y0, c, by) - force for by in (step, 2 * step))
+        change, twice = (_moved(right, y0, c, by) - force for by in (step, 2 * step))
         linear = np.abs(twice - 2 * change) <= 0.1 * np.abs(twice) + 1e-13 * np.abs(force)
         # test row c of f if component c occurs there: other rows may contain its square only
         if not (linear[c] if change[c] else linear.all()):
@@ -233,7 +229,7 @@ def _visible_step(rhs: Any, params: np.ndarray, y0: np.ndarray, c: int) -> float
 
 
 def _moved(
-    rhs: Any, params: np.ndarray, y0: np.ndarray, c: int = 0, step: float = 0.0, t: float = 0.0
+    right: RightSide, y0: np.ndarray, c: int = 0, step: float = 0.0, t: float = 0.0
 ) -> np.ndarray:
     """Return f (d,) at y0 with component c changed by `step`.
 
@@ -244,7 +240,7 @@ def _moved(
         y = y0.copy()
         y[c] += by
         with suppress(Exception):
-            rhs(t, y, found, params)
+            force_at(right, t, y, found)
         if np.isfinite(found).all():
             break
     return found

@@ -1,10 +1,8 @@
 """Call functions that numba cannot compile from compiled code.
 
-Compiled code calls a user's function with t, all components, and an array for the values. If the
-function must run in Python, compiled code calls a compiled function instead, which is the same for
-all such functions. This one calls a C function, made by ctypes, which enters Python. The address of
-the C function follows the parameters of the equation: first that of the right-hand side, then that
-of the Jacobian. Therefore nothing is compiled for a single function.
+If a user's function must run in Python, compiled code calls a C function instead, made by ctypes,
+which enters Python. Its arguments are t, all components, and an array for the values. The record of
+an equation's functions has its address. Therefore nothing is compiled for a single function.
 """
 
 import ctypes
@@ -12,18 +10,14 @@ import time
 import weakref
 from collections.abc import Callable
 from contextlib import suppress
-from functools import lru_cache
 from typing import Any
 
 import numpy as np
 
-from ..compiled.callbacks import C_FUNCTION, PythonRaised, call_at, keep_raised
-from ..compiled.jit import RHS_SIG, as_value, compiled, derived
+from ..compiled.callbacks import C_FUNCTION, keep_raised
 from ..support.warning import warn
 from .messages import code_of
 
-# Number of addresses after the parameters of an equation whose functions are called in Python.
-N_ADDRESSES = 2
 # Largest number of NumPy views of addresses that one callback keeps; a run uses few addresses.
 _VIEWS = 256
 # Time after which the timing of a function, for the warning, ends [seconds].
@@ -63,9 +57,8 @@ class Callback:
 
     Attributes
     ----------
-    address : float
-        Address of the C function. A float represents it exactly, because addresses have fewer than
-        53 bits.
+    address : int
+        Address of the C function.
     """
 
     def __init__(
@@ -103,7 +96,7 @@ class Callback:
                 return 1
 
         self._function = C_FUNCTION(call)
-        self.address = float(ctypes.cast(self._function, ctypes.c_void_p).value or 0)
+        self.address = int(ctypes.cast(self._function, ctypes.c_void_p).value or 0)
 
 
 def _view(
@@ -113,38 +106,6 @@ def _view(
     if len(known) >= _VIEWS:
         known.clear()
     return known.setdefault(address, np.frombuffer(kind.from_address(address)).reshape(shape))
-
-
-@compiled
-def _rhs_in_python(t: float, y: np.ndarray, dy: np.ndarray, params: np.ndarray) -> None:
-    """Call the C function of a right-hand side, whose address is last but one in `params`."""
-    address = int(params[params.shape[0] - 2])
-    if call_at(address, t, y.ctypes.data, dy.ctypes.data) != 0:  # type: ignore[call-arg]
-        raise PythonRaised
-
-
-@compiled
-def _jac_in_python(t: float, y: np.ndarray, jacobian: np.ndarray, params: np.ndarray) -> None:
-    """Call the C function of a Jacobian, whose address is last in `params`."""
-    address = int(params[params.shape[0] - 1])
-    if call_at(address, t, y.ctypes.data, jacobian.ctypes.data) != 0:  # type: ignore[call-arg]
-        raise PythonRaised
-
-
-def in_python(signature: Any) -> Any:
-    """Return the compiled function that calls a right-hand side or a Jacobian in Python."""
-    fun = _rhs_in_python if signature is RHS_SIG else _jac_in_python
-    return as_value(fun, signature)
-
-
-@lru_cache(maxsize=256)
-def before_addresses(fun: Any, signature: Any) -> Any:
-    """Return a compiled function that calls `fun` with the parameters, without the addresses."""
-
-    def seen(t: float, y: np.ndarray, out: np.ndarray, params: np.ndarray) -> None:
-        fun(t, y, out, params[: params.shape[0] - N_ADDRESSES])
-
-    return as_value(derived(seen), signature)
 
 
 def warn_of_python(name: str, fun: Any, reason: str, call: Callable[[], object]) -> None:

@@ -34,7 +34,7 @@ def keep_jacobian(m, t, k):
     """Store the Jacobian of the orbit at time t as number k of the output."""
     right, orbit = m.right, m.state.x[: m.table.n_orbit]
     out = m.output.jacobians[k]
-    m.state.counts.rhs += right.jacobian(right.user, t, orbit, m.room.units, out)
+    m.state.counts.rhs += right.jacobian(right.force, t, orbit, m.room.units, out)
 
 
 @inner

@@ -333,11 +333,6 @@ class FixedStepper(ResumableStepper, TangentStepper, JumpingStepper):
         unstable = self._watch.largest > 1 or self._march.counts["growth"] >= 0
         return Status.STEP_TOO_LARGE if unstable else None
 
-    @property
-    def live_params(self):
-        """Array of the right-hand side's parameters; a change acts on the next steps."""
-        return self._marched.compiled_params
-
     def stats(self):
         """Return counts and errors for the `stats` of the solution."""
         return {
@@ -507,9 +502,9 @@ class FixedStepper(ResumableStepper, TangentStepper, JumpingStepper):
         """Keep the next IMEX step from extrapolating f across a jump (given/imex_step.py)."""
         self._march.counts["extrapolates"] = 0
 
-    def set_parameter(self, number, value):
-        """Set parameter `number` of the right-hand side to `value`; f may jump."""
-        self._marched.compiled_params[number] = value
+    def set_side(self, number, sign):
+        """Evaluate f on the side `sign` of a switch; f may jump."""
+        self._marched.functions.switches.signs[number] = sign
 
 
 def _renormalising(growth, grown, march, end):

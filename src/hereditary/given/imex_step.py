@@ -1,5 +1,6 @@
 """Solution of one IMEX step: one linear system, because only a constant matrix is implicit."""
 
+from ..compiled.functions import set_force
 from ..compiled.jacobian import multiply
 from ..compiled.jit import inner
 from ..compiled.signatures import SUBSTITUTE
@@ -20,15 +21,15 @@ def solve_linearly(m, t, i):
     which is used only if counts.extrapolates is 1.
     """
     # state.newton (2, ., .): A, and the matrix of the step, whose factors are kept
-    user, room, rows, counts, work = m.right.user, m.room, m.rows, m.state.counts, m.state.newton
+    right, room, rows, counts, work = m.right, m.room, m.rows, m.state.counts, m.state.newton
     x, force, w, moved, f, point = m.state.x, m.state.force, room.w, room.moved, room.f, room.point
     known, lead, base = room.known, room.lead, room.base
     if counts.kept == 0 or differs(i, rows):
-        user.jac(t, x, work[0], user.params)
+        right.jacobian(right.force, t, x, room.units, work[0])
         counts.kept = int(set_factors(m, 0))
         if counts.kept == 0:
             return False
-    user.rhs(t - (rows.theta[i] - _ASIDE) * rows.unit[i], x, f, user.params)
+    set_force(right.force, t - (rows.theta[i] - _ASIDE) * rows.unit[i], x, f)
     counts.rhs += 1
     multiply(work[0], x, moved)
     ahead = rows.theta[i] * rows.ratio[i] if counts.extrapolates == 1 else 0.0

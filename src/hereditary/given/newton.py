@@ -5,6 +5,7 @@ The linear solver is a function that the march gets from Python.
 
 import numpy as np
 
+from ..compiled.functions import set_force
 from ..compiled.jacobian import (
     COLUMNS,
     ROWS,
@@ -74,7 +75,7 @@ def solve_step(march, t):
     n, d, few = m.table.n_orbit, m.table.n_solved, m.linear.few == 1
     base, scale, lead, known = room.base, room.scale, room.lead, room.known
     w, first, shift, change = room.w, room.first, room.shift, room.moved[:n]
-    point, f, params = room.point[:n], room.f[:n], right.user.params
+    point, f = room.point[:n], room.f[:n]
     previous, residual, grown = np.inf, 0.0, 0.0
     fresh, stalled, done = False, False, False
     for c in range(d):
@@ -83,12 +84,12 @@ def solve_step(march, t):
         counts.renewed, counts.kept = counts.renewed - 1, 0
     for iteration in range(_MOST):
         look(m, n)
-        right.user.rhs(t, point, f, params)
+        set_force(right.force, t, point, f)
         counts.rhs += 1
         if not is_finite(f, d) and not step_back(m, t):
             break
         if counts.kept == 0:
-            counts.rhs += right.jacobian(right.user, t, point, room.units, work[0])
+            counts.rhs += right.jacobian(right.force, t, point, room.units, work[0])
             if not few and not set_factors(m, 0):
                 return False
             counts.kept, counts.at_once, fresh, previous = 1, 0, True, np.inf
@@ -191,7 +192,7 @@ def step_back(m, t):
     halved in the same way. Newton's method may leave the domain of f near an edge where the slope
     of f is infinite.
     """
-    user, room, n, d = m.right.user, m.room, m.table.n_orbit, m.table.n_solved
+    force, room, n, d = m.right.force, m.room, m.table.n_orbit, m.table.n_solved
     w, change, lead, known, scale = room.w, room.moved, room.lead, room.known, room.scale
     point, f = room.point[:n], room.f[:n]
     for trial in range(2 * _HALVED + 1):
@@ -199,7 +200,7 @@ def step_back(m, t):
             change[c] *= 0.5 if trial != _HALVED else 1.0
             w[c] -= change[c]
         look(m, n)
-        user.rhs(t, point, f, user.params)
+        set_force(force, t, point, f)
         m.state.counts.rhs += 1
         if is_finite(f, d) == (trial != _HALVED):
             return trial != _HALVED
@@ -270,14 +271,14 @@ def solve_tangents(m, t):
     right, room, n, d, work = m.right, m.room, m.table.n_orbit, m.table.n_solved, m.state.newton
     base, w, lead, known, change = room.base, room.w, room.lead, room.known, room.moved[:n]
     look(m, n)
-    m.state.counts.rhs += right.jacobian(right.user, t, room.point[:n], room.units, work[0])
+    m.state.counts.rhs += right.jacobian(right.force, t, room.point[:n], room.units, work[0])
     if not set_factors(m, 1):
         return False
     for first in range(n, base.shape[0], n):
         multiply(work[0], base[first : first + n], change)
         k = first // n - 1
         if k < right.by_params:
-            calls = add_derivative_by(k, right.user, t, room.point[:n], change)
+            calls = add_derivative_by(k, right.force, t, room.point[:n], change)
             m.state.counts.rhs += calls
         for i in range(n):
             change[i] = lead[i] * change[i] - known[first + i] if i < d else 0.0

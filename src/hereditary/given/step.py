@@ -4,6 +4,7 @@ Names of arrays are those of `StepArrays` and `March`. `predict`, `correct` and 
 predictor-corrector schemes, whose pieces are values of f.
 """
 
+from ..compiled.functions import set_force
 from ..compiled.jacobian import add_derivative_by, multiply
 from ..compiled.jit import inner, plug_in
 
@@ -12,8 +13,8 @@ from ..compiled.jit import inner, plug_in
 def evaluate(march, t, x, f):
     """Set f (W,) to the right-hand sides of orbit and tangents at x (W,), and count calls."""
     m = march.work
-    user, d = m.right.user, m.table.n_orbit
-    user.rhs(t, x[:d], f[:d], user.params)
+    d = m.table.n_orbit
+    set_force(m.right.force, t, x[:d], f[:d])
     m.state.counts.rhs += 1
     if x.shape[0] > d:
         march.push(m, t, x, f)
@@ -26,12 +27,12 @@ def push_tangents(m, t, x, f):
     df / dp_k is added to the first tangents only, which are derivatives by a parameter.
     """
     right, d, j_f = m.right, m.table.n_orbit, m.state.newton[-1]
-    m.state.counts.rhs += right.jacobian(right.user, t, x[:d], m.room.units, j_f)
+    m.state.counts.rhs += right.jacobian(right.force, t, x[:d], m.room.units, j_f)
     for first in range(d, x.shape[0], d):
         multiply(j_f, x[first : first + d], f[first : first + d])
     for k in range(right.by_params):
         first = d * (1 + k)
-        calls = add_derivative_by(k, right.user, t, x[:d], f[first : first + d])
+        calls = add_derivative_by(k, right.force, t, x[:d], f[first : first + d])
         m.state.counts.rhs += calls
 
 

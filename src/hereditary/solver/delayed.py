@@ -14,7 +14,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.polynomial.chebyshev import chebvander
 
-from ..equation.delay import N_COEFFICIENTS, NODES, TOUCHES, Delayed
+from ..compiled.functions import N_COEFFICIENTS, Delays
+from ..equation.delay import NODES, TOUCHES, Delayed
 from ..equation.system import System
 from ..stepping.dense import Piece, StepPieces
 from ..stepping.state import State, layout_of
@@ -105,6 +106,7 @@ class DelayedStepper(ResumableStepper, JumpingStepper):
     ) -> None:
         self._inner, self._delays, self._t_end = inner, delays, t_end
         self.system, self.counted = inner.system, inner.counted
+        self._tables: Delays = inner.system.functions.delays
         self._origin = self.system.frame.start
         self._breaks = self._kinks = self._marks = np.zeros(0)
         self._solved: list[Solved] = []
@@ -217,16 +219,15 @@ class DelayedStepper(ResumableStepper, JumpingStepper):
         until = self._mark(min(_when(delay, t, t, self._t_end) for delay in self._delays))
         if not until > t:
             refuse("tau", "exceed the rounding of t", f"{until - t:g} at t = {t + self._origin:g}")
-        tables = []
-        for number, delay in enumerate(self._delays):
+        tables, room = [], self._tables.values.shape[1]
+        for number in range(len(self._delays)):
             times, values = self._table(number, t, until)
-            if len(values) > delay.capacity:
-                times, values = times[: delay.capacity + 1], values[: delay.capacity]
+            if len(values) > room:
+                times, values = times[: room + 1], values[:room]
                 until = min(until, float(times[-1]))
             tables.append((times, values))
-        params = self._inner.live_params
-        for delay, (times, values) in zip(self._delays, tables, strict=True):
-            delay.fill(params, times, values)
+        for number, table in enumerate(tables):
+            self._tables.fill(number, *table)
         self._until = until
 
     def _reach(self) -> Any:
@@ -422,7 +423,7 @@ class DelayedStepper(ResumableStepper, JumpingStepper):
 
     def _remembered(self) -> Remembered:
         """Return copies of the tables and of the dense output that delays read."""
-        tables = tuple(delay.content(self._inner.live_params) for delay in self._delays)
+        tables = tuple(map(self._tables.content, range(len(self._delays))))
         lifts = tuple(delay.lift.copy() for delay in self._delays)
         return Remembered(tuple(self._solved), tuple(self._roots), self._until, tables, lifts)
 
@@ -430,11 +431,9 @@ class DelayedStepper(ResumableStepper, JumpingStepper):
         """Restore tables and dense output; the inner stepper has already been restored."""
         self._solved, self._roots = list(remembered.solved), list(remembered.roots)
         self._until = remembered.until
-        for delay, table, lift in zip(
-            self._delays, remembered.tables, remembered.lifts, strict=True
-        ):
-            delay.fill(self._inner.live_params, *table)
-            delay.lift[:] = lift
+        for number, table in enumerate(remembered.tables):
+            self._tables.fill(number, *table)
+            self._delays[number].lift[:] = remembered.lifts[number]
 
     def come_back(self, checkpoint: tuple) -> None:
         """Return to the time at which `checkpoint` was taken."""
@@ -466,9 +465,9 @@ class DelayedStepper(ResumableStepper, JumpingStepper):
         self._inner.set_y(y)
         self._jumped()
 
-    def set_parameter(self, number: int, value: float) -> None:
-        """Set a parameter of the right-hand side, which jumps."""
-        self._inner.set_parameter(number, value)
+    def set_side(self, number: int, sign: float) -> None:
+        """Evaluate the right-hand side on another side of a switch."""
+        self._inner.set_side(number, sign)
         self._jumped()
 
     def _jumped(self) -> None:
@@ -497,8 +496,8 @@ def _gain(system: System, delays: tuple[Delayed, ...]) -> float:
     )
     if not rows.size:
         return gain
-    params = system.compiled_params.copy()
-    asked = replace(system, compiled_params=params)
+    asked = replace(system, functions=system.functions.for_a_march(1))
+    tables = asked.functions.delays
 
     def forces(share: float, moved: int, delay: Delayed) -> np.ndarray:
         y = asked.at_start + share * (1.0 + np.abs(asked.at_start))
@@ -507,7 +506,7 @@ def _gain(system: System, delays: tuple[Delayed, ...]) -> float:
             constant[0, :, 0] = y[:d]
             if each is delay:
                 constant[0, moved : moved + 1, 0] += 0.1 * (1.0 + np.abs(y[moved : moved + 1]))
-            each.fill(params, np.array([0.0, 1.0]), constant)
+            tables.fill(each.number, np.array([0.0, 1.0]), constant)
         return asked.force(0.5, y)[rows]
 
     try:

@@ -15,12 +15,12 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
-from functools import lru_cache, partial
+from functools import partial
 from typing import Any
 
 import numpy as np
 
-from ..compiled.jit import JAC_SIG, RHS_SIG, as_value, derived
+from ..compiled.functions import with_switches
 from ..equation.system import System
 from ..functions.assemble import switch_of
 from ..stepping.scheme import Scheme
@@ -31,19 +31,6 @@ from ..support.checks import real, refuse, shown
 from .events import TINY, Events, value_of
 from .output import Output
 from .run import Drive
-
-# Numbers that each switch adds to the parameters.
-_ADDED = 3
-# Values of a switch this small, relative to y, may be on either side by rounding.
-_NEAR = 1e-9
-# Change of y in difference quotients, relative to y.
-_DIFFERENCE = 1e-7
-# Distance, relative to y, at which a run begins beside the surface of a switch.
-_MARGIN = 1e-12
-# Least distance from the surface of a switch at which a run begins.
-_LEAST = 1e-300
-# Newton iterations towards the surface of a switch that is not linear in y.
-_ITERATIONS = 4
 
 # Changes by one event accumulate without end if two consecutive intervals are shorter than this
 # fraction of the longest interval.
@@ -116,9 +103,8 @@ class Hybrid:
         self._switches = switches
         self._times: list[list[float]] = [[] for _ in events]
         self.system = system
-        self._signs: list[int] = []
         if switches:
-            self.system, self._signs = one_sided(system, switches, scheme)
+            self.system = one_sided(system, switches, scheme)
 
     def open(
         self, stepper: JumpingStepper, t_end: float, breaks: np.ndarray, signs: dict[str, float]
@@ -201,8 +187,8 @@ class Hybrid:
 
     def _take_sides(self) -> None:
         """Let the right-hand side be evaluated on the side of each switch where y is now."""
-        for number, side in zip(self._signs, self._events.sides, strict=True):
-            self._stepper.set_parameter(number, side)
+        for number, side in enumerate(self._events.sides):
+            self._stepper.set_side(number, side)
 
     def _name(self, number: int) -> str:
         """Return the name of an event."""
@@ -592,79 +578,14 @@ def sign_ahead(
     return slopes[1] or -sign if slopes[0] == sign else 0.0
 
 
-def one_sided(
-    system: System, functions: Sequence[Callable], scheme: Scheme
-) -> tuple[System, list[int]]:
-    """Return the system whose right-hand side is evaluated on one side of each switch.
-
-    The second result is the number of the parameter with the sign of each switch.
-    """
+def one_sided(system: System, functions: Sequence[Callable], scheme: Scheme) -> System:
+    """Return the system whose right-hand side is evaluated on one side of each switch."""
     if not scheme.takes_switches:
         required = f"be left out with {type(scheme).__name__}"
         refuse("switches", required, f"{len(functions)}", "use L1 or BDF(2)")
     frame = system.frame
-    params, rhs, jac = system.compiled_params, system.compiled_rhs, system.compiled_jac
     n_user = len(frame.speeds) or system.n_solved
     y0 = frame.values(system.at_start[: system.n_solved])
-    signs = []
-    for function in functions:
-        value = switch_of(function, y0, frame.start)
-        signs.append(params.size)
-        params = np.append(params, [1.0, frame.start, n_user])
-        rhs = _one_sided(rhs, value, RHS_SIG)
-        jac = jac and _one_sided(jac, value, JAC_SIG)
-    new = {"compiled_params": params, "compiled_rhs": rhs, "compiled_jac": jac}
-    return replace(system, matrix=None, linear_alone=False, **new), signs
-
-
-@lru_cache(maxsize=64)
-def _one_sided(fun: Any, switch: Any, signature: Any) -> Any:
-    """Return a right-hand side or Jacobian, continued from the side whose sign is in params.
-
-    After the parameters of `fun` there are this sign, the user's time at the start, and the number
-    of components that `switch` reads.
-    """
-
-    def one_sided(t: float, y: np.ndarray, out: np.ndarray, params: np.ndarray) -> None:
-        own = params.shape[0] - _ADDED
-        sign, n = params[own], int(params[own + 2])
-        none, value = params[:0], np.empty(1)
-        switch(t + params[own + 1], y[:n], value, none)
-        largest = 0.0
-        for i in range(n):
-            largest = max(largest, abs(y[i]))
-        if sign * value[0] > _NEAR * largest or value[0] != value[0]:
-            fun(t, y, out, params[:own])
-            return
-        point, slope = y.copy(), np.empty(n)
-        beside, square = np.empty(1), 0.0
-        for _ in range(_ITERATIONS):
-            square, size = 0.0, 0.0
-            for i in range(n):
-                before = point[i]
-                point[i] += _DIFFERENCE * (largest if largest > 0.0 else 1.0)
-                switch(t + params[own + 1], point[:n], beside, none)
-                slope[i] = (beside[0] - value[0]) / (point[i] - before)
-                point[i] = before
-                square += slope[i] * slope[i]
-                size += abs(slope[i] * before)
-            margin = _MARGIN * size + _LEAST
-            if square == 0.0 or sign * value[0] >= margin:
-                break
-            for i in range(n):
-                point[i] += (2.0 * sign * margin - value[0]) * slope[i] / square
-            switch(t + params[own + 1], point[:n], value, none)
-        if square == 0.0:  # a switch of the time alone
-            for _ in range(_ITERATIONS):
-                now = t + params[own + 1]
-                step = _DIFFERENCE * (abs(now) if now != 0.0 else 1.0)
-                switch(now + step, point[:n], beside, none)
-                slope_t = (beside[0] - value[0]) / step
-                margin = _MARGIN * abs(slope_t * now) + _LEAST
-                if slope_t == 0.0 or sign * value[0] >= margin:
-                    break
-                t += (2.0 * sign * margin - value[0]) / slope_t
-                switch(t + params[own + 1], point[:n], value, none)
-        fun(t, point, out, params[:own])
-
-    return as_value(derived(one_sided), signature)
+    values = tuple(switch_of(function, y0, frame.start) for function in functions)
+    sided = with_switches(system.functions, values, n_user)
+    return replace(system, matrix=None, linear_alone=False, functions=sided, switches=values)

@@ -7,6 +7,7 @@ import numpy as np
 
 from ..collocation.method import Collocation
 from ..collocation.opening import checked_tolerance, open_adaptive
+from ..equation.delay import room_of
 from ..equation.system import System
 from ..given.history.exponentials import SumOfExponentials
 from ..given.history.history import History
@@ -75,6 +76,9 @@ def open_stepper(
     `how` is what `how_to_step` returned. `t_end` counts from the start. `directions` are the
     initial directions of tangents, if there are any.
     """
+    if system.delays or system.switches:  # which have arrays that change during a march
+        functions = system.functions.for_a_march(room_of(system.n_solved))
+        system = replace(system, functions=functions)
     if system.delays:
         return _open_delayed(system, scheme, history, how, t_end, state, allow_change)
     if chooses_steps(scheme):
@@ -93,10 +97,9 @@ def _open_delayed(
 ) -> tuple[Any, Any]:
     """Return a stepper of a system with delays, and the position of the end of the run.
 
-    It gets a copy of the tables of delayed values, because it writes into them.
+    The stepper fills the tables of the marched right-hand side.
     """
-    delays, tables = system.delays, system.compiled_params.copy()
-    system = replace(system, compiled_params=tables, delays=())
+    delays, system = system.delays, replace(system, delays=())
     own = state and replace(state, checkpoint=state.checkpoint[0])
     inner, last = open_stepper(system, scheme, history, how, t_end, own, allow_change)
     rtol = how.rtol if chooses_steps(scheme) else None

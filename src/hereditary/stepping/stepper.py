@@ -205,8 +205,8 @@ class JumpingStepper(Stepper):
         """Set y (d,) at the present time; the jump does not enter the memory."""
 
     @abstractmethod
-    def set_parameter(self, number: int, value: float) -> None:
-        """Set the parameter `number` of the right-hand side, which makes f jump."""
+    def set_side(self, number: int, sign: float) -> None:
+        """Evaluate f on the side `sign`, 1 or -1, of a switch; f jumps."""
 
     @property
     @abstractmethod

@@ -5,9 +5,9 @@ from typing import ClassVar
 
 import numpy as np
 
+from ...compiled.functions import CONSTANT
 from ...compiled.jacobian import FEW
-from ...equation.affine import slopes
-from ...equation.jacobian_structure import Structure, entries_of, no_slopes
+from ...equation.jacobian_structure import Structure
 from ...equation.system import System
 from ...stepping.scheme import Scheme
 from ...support.checks import refuse
@@ -96,12 +96,12 @@ class IMEX(Scheme):
 
     def reduction(self, system: System) -> System | None:
         """Return the system whose Jacobian is the constant matrix alone."""
-        matrix, (jac, structure) = system.matrix, (slopes(no_slopes()), None)
+        matrix, structure = system.matrix, None
         if system.d > FEW and 2 * matrix.nnz < system.d**2:
             none = np.zeros(0, dtype=np.int64)
-            jac = entries_of(None, (0,), True)
             structure = Structure.of(system.d, none, none, none, matrix)
-        return replace(system, compiled_jac=jac, structure=structure, linear_alone=False)
+        functions = system.functions._replace(jac_form=CONSTANT, jac_rows=0, jac_columns=0)
+        return replace(system, functions=functions, structure=structure, linear_alone=False)
 
     def plan(self, system: System, h: float) -> Plan:
         """Return tables and convolution for `system` with step h."""

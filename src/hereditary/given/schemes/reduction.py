@@ -8,7 +8,7 @@ initial values of x. Source: [LyuVong2022].
 
 import numpy as np
 
-from ...equation.affine import affine
+from ...compiled.functions import mapped
 from ...equation.system import System
 from ...equation.terms import ConstantOrder, SystemTerm
 
@@ -21,8 +21,7 @@ def reduce_order(system: System, coefficient: float, beta: float) -> System:
     d = system.d
     y0 = np.hstack([system.y0, np.zeros((2, d))])
     structure = system.structure and system.structure.with_velocities()
-    jac = system.compiled_jac if structure is None else None
     halves = np.c_[np.arange(d), np.arange(d, 2 * d), np.full(d, 1 / coefficient)]
-    how = affine((system.compiled_params, system.compiled_rhs, jac), 2 * d, d, halves)
+    functions = system.functions if structure is None else system.functions.without_jac()
     left = (SystemTerm(ConstantOrder(beta / 2), np.ones(2 * d)),)
-    return System(left, y0, *how, structure=structure)
+    return System(left, y0, mapped(functions, 2 * d, d, halves), structure=structure)

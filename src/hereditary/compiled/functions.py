@@ -1,0 +1,702 @@
+"""One record is f: a user's functions, and what stands around them, as named fields.
+
+The record `Functions` gives ``f(t, x) = B x + A g(t + start, D(t, S x))``. The user's function is
+g. The matrices B, A and S are those of a map; there may be several maps, each around the last one.
+D adds the rows of memory that are delays. With switches, t and x are first moved to one side of
+each. `set_force` calls f: directly, if nothing stands around g, and else by `compose`, which is the
+same machine code for all equations. So only a user's own functions are compiled for an equation.
+
+Something further that stands around g is a field of `Functions` and a line of `_enter` or `_inner`.
+No other file knows the fields.
+"""
+
+import ctypes
+from collections.abc import Sequence
+from functools import lru_cache
+from types import SimpleNamespace
+from typing import Annotated, Any, NamedTuple
+
+import numpy as np
+from numba import config, types
+from numba.extending import intrinsic
+from numpy.typing import ArrayLike
+
+from .callbacks import PythonRaised, call_at
+from .jit import (
+    COMPLEX_READING_SIG,
+    COMPLEX_RHS_SIG,
+    F8,
+    JAC_SIG,
+    READING_JAC_SIG,
+    READING_SIG,
+    RHS_SIG,
+    VEC,
+    Cubes,
+    Integers,
+    Matrix,
+    Vector,
+    as_value,
+    compiled_type,
+    inner,
+    plug_in,
+)
+from .reference import FunctionField, Reference
+
+# How g is called: by arguments (t, y), real or complex, with memory or without; by an address of a
+# C function that enters Python; or it is 0.
+REAL, READING, COMPLEX, COMPLEX_READING, IN_PYTHON, ZERO = range(6)
+# How its Jacobian is called: it is left out; it fills a matrix, a vector of entries, or, in two
+# parts, a matrix from memory too; it is called in Python; it is 0.
+BY_DIFFERENCES, A_MATRIX, ENTRIES, IN_TWO_PARTS, JAC_IN_PYTHON, CONSTANT = range(6)
+# Coefficients of a polynomial of a delay. Steps of collocation have at most as many.
+N_COEFFICIENTS = 10
+
+# Values of a switch this small, relative to y, may be on either side by rounding.
+_NEAR = 1e-9
+# Change of y in difference quotients of a switch, relative to y.
+_DIFFERENCE = 1e-7
+# Distance, relative to y, at which a run begins beside the surface of a switch.
+_MARGIN = 1e-12
+# Least distance from the surface of a switch at which a run begins.
+_LEAST = 1e-300
+# Newton iterations towards the surface of a switch that is not linear in y.
+_ITERATIONS = 4
+
+
+class Maps(NamedTuple):
+    """Matrices S, B and A of L maps, the outermost one first.
+
+    - numbers: all matrices. A matrix of n rows is n + 1 offsets, followed by pairs of column and
+      value, row by row. An offset is the position, from the beginning of the matrix, at which the
+      pairs of a row begin. The last offset is the position at which all pairs end.
+    - sizes (L + 1,): number of components around each map, and inside the last one.
+    - starts (3 L,): index in `numbers` at which S, B and A of each map begin.
+
+    S and A are empty if what is inside reads the first components, and gives the last values.
+    """
+
+    numbers: Vector
+    sizes: Integers
+    starts: Integers
+
+
+class Delays(NamedTuple):
+    """Delayed values y(t - tau), as polynomials in t.
+
+    - rows (k,): for each row of memory the number of its delay, -1 if it is a component of x.
+    - n_pieces: number of polynomials of each delay.
+    - times (., capacity + 1): times between the polynomials of each delay.
+    - values (., capacity, d, N_COEFFICIENTS): coefficients of Chebyshev polynomials.
+    """
+
+    rows: Integers
+    n_pieces: Integers
+    times: Matrix
+    values: Cubes
+
+    def content(self, number: int) -> tuple[np.ndarray, np.ndarray]:
+        """Return copies of the times and polynomials of a delay, as arguments of `fill`."""
+        n = int(self.n_pieces[number])
+        return self.times[number, : n + 1].copy(), self.values[number, :n].copy()
+
+    def fill(self, number: int, times: np.ndarray, coefficients: np.ndarray) -> None:
+        """Set times (n + 1,), and polynomials (n, d, N_COEFFICIENTS) between, of a delay."""
+        n = self.n_pieces[number] = len(coefficients)
+        self.times[number, : n + 1] = times
+        self.values[number, :n] = coefficients
+
+    def enlarged(self, capacity: int) -> "Delays":
+        """Return a copy with room for so many polynomials of each delay."""
+        m, _, d, _ = self.values.shape
+        times, values = np.zeros((m, capacity + 1)), np.zeros((m, capacity, d, N_COEFFICIENTS))
+        found = self._replace(n_pieces=self.n_pieces.copy(), times=times, values=values)
+        for number in range(m):
+            found.fill(number, *self.content(number))
+        return found
+
+
+class Switches(NamedTuple):
+    """Functions of which f is evaluated on one side only.
+
+    - functions (n,): addresses of their machine code; signs (n,): the sides.
+    - n_read: number of components that they read; n_inside: number of maps inside of them.
+    """
+
+    functions: Integers
+    signs: Vector
+    n_read: int
+    n_inside: int
+
+
+class Functions(NamedTuple):
+    """A user's functions and parameters, and what stands around them.
+
+    - params (p,): the user's parameters.
+    - rhs to complex_reading: g, of which `form` names one; jac to jac_memory: its Jacobian, of
+      which `jac_form` names one. The others are `absent`.
+    - in_python (3,): addresses of C functions in place of g, its Jacobian, and that by memory.
+    - rows, columns, places (k,): entries of a Jacobian of few components, and their index in the
+      array of shape (jac_rows, jac_columns) that the user's function fills; empty if it is dense.
+    - start: time of the user at time 0.
+    - n: number of values of g, in real numbers.
+    """
+
+    params: Vector
+    rhs: Annotated[Any, FunctionField(RHS_SIG)]
+    reading: Annotated[Any, FunctionField(READING_SIG)]
+    complex: Annotated[Any, FunctionField(COMPLEX_RHS_SIG)]
+    complex_reading: Annotated[Any, FunctionField(COMPLEX_READING_SIG)]
+    jac: Annotated[Any, FunctionField(JAC_SIG)]
+    jac_entries: Annotated[Any, FunctionField(RHS_SIG)]
+    jac_reading: Annotated[Any, FunctionField(READING_JAC_SIG)]
+    jac_memory: Annotated[Any, FunctionField(READING_JAC_SIG)]
+    in_python: Integers
+    rows: Integers
+    columns: Integers
+    places: Integers
+    maps: Maps
+    delays: Delays
+    switches: Switches
+    start: float
+    n: int
+    form: int
+    jac_form: int
+    jac_rows: int
+    jac_columns: int
+
+    @property
+    def bare(self) -> bool:
+        """Whether nothing but a start stands around g, which is real and compiled."""
+        layers = self.maps.starts.size + self.delays.rows.size + self.switches.signs.size
+        return self.form == REAL and not layers
+
+    @property
+    def code(self) -> tuple[Any, ...]:
+        """The user's compiled functions."""
+        return self[1:9]
+
+    @property
+    def has_jac(self) -> bool:
+        """Whether there is a Jacobian; otherwise it comes from differences."""
+        return self.jac_form != BY_DIFFERENCES
+
+    def without_jac(self) -> "Functions":
+        """Return the record whose Jacobian comes from differences."""
+        return self._replace(jac_form=BY_DIFFERENCES)
+
+    def for_a_march(self, capacity: int) -> "Functions":
+        """Return the record with arrays of its own for what changes during a march.
+
+        `capacity` is the number of polynomials that each delay has room for.
+        """
+        signs, delays = self.switches.signs.copy(), self.delays
+        if delays.rows.size:
+            delays = delays.enlarged(capacity)
+        return self._replace(switches=self.switches._replace(signs=signs), delays=delays)
+
+
+_FUNCTIONS = Reference(compiled_type(Functions))
+# Signature of ``compose(functions, t, x, out, params)``, which sets out = f(t, x).
+_COMPOSE_SIG = types.void(_FUNCTIONS, F8, VEC, VEC, VEC)
+
+
+class Force(NamedTuple):
+    """f as marches call it; `bare` is 1 if `compose` is not needed."""
+
+    functions: Functions
+    compose: Annotated[Any, FunctionField(_COMPOSE_SIG)]
+    bare: int
+
+
+@lru_cache
+def absent(signature: Any) -> Any:
+    """Return what stands for a function that is not called."""
+    return SimpleNamespace(address=0, of_signature=signature)
+
+
+def of_user(params: np.ndarray, n: int, **fields: Any) -> Functions:
+    """Return the record of a user's functions, by the fields of `Functions` that they have."""
+    none, nothing = np.zeros(0, dtype=np.int64), np.zeros(0)
+    hints = Functions.__annotations__.items()
+    missing = {
+        name: absent(hint.__metadata__[0].signature)
+        for name, hint in hints
+        if isinstance(getattr(hint, "__metadata__", (0,))[0], FunctionField)
+    }
+    other = {
+        "in_python": np.zeros(3, dtype=np.int64),
+        "maps": Maps(nothing, np.zeros(1, dtype=np.int64), none),
+        "delays": Delays(none, none, np.zeros((0, 1)), np.zeros((0, 0, 0, 0))),
+        "switches": Switches(none, nothing, 0, 0),
+        "rows": none,
+        "columns": none,
+        "places": none,
+        "start": 0.0,
+        "form": REAL,
+        "jac_form": BY_DIFFERENCES,
+        "jac_rows": 0,
+        "jac_columns": 0,
+    }
+    return Functions(**{**missing, **other, **fields, "params": params, "n": n})
+
+
+def force_of(functions: Functions) -> Force:
+    """Return f as marches call it."""
+    how = absent(_COMPOSE_SIG) if functions.bare else as_value(compose, _COMPOSE_SIG)
+    return Force(functions, how, int(functions.bare))
+
+
+def mapped(
+    functions: Functions,
+    n: int,
+    n_f: int,
+    b: ArrayLike = (),
+    a: ArrayLike | None = None,
+    s: ArrayLike | None = None,
+) -> Functions:
+    """Return the record of ``B x + A f(t, S x)``, with the Jacobian ``B + A J S``.
+
+    Parameters
+    ----------
+    functions : Functions
+        Those of f, whose Jacobian is J.
+    n, n_f : int
+        Number of components x. Number of values that f reads, which is that of its results too.
+    b, a, s : array_like, shape (k, 3), optional
+        Matrices B, A and S as k entries (row, column, value); values of equal row and column add
+        up. B is 0 by default. By default f reads the first components, and gives the last values.
+    """
+    own, ones = np.arange(n_f), np.ones(n_f)
+    first, last = np.c_[own, own, ones], np.c_[n - n_f + own, own, ones]
+    s, a = first if s is None else s, last if a is None else a
+    parts = [_by_rows(s, n_f), _by_rows(b, n), _by_rows(a, n)]
+    if np.array_equal(s, first) and np.array_equal(a, last):
+        parts[0] = parts[2] = np.zeros(0)
+    inside = functions.maps
+    begins = inside.numbers.size + np.cumsum([0, parts[0].size, parts[1].size])
+    maps = Maps(
+        np.concatenate([inside.numbers, *parts]),
+        np.concatenate([[n, n_f], inside.sizes[1:]]),
+        np.concatenate([begins, inside.starts]),
+    )
+    return functions._replace(maps=maps)
+
+
+def _by_rows(triples: ArrayLike, n: int) -> np.ndarray:
+    """Return a matrix of n rows as offsets and pairs, from its entries (row, column, value)."""
+    triples = np.reshape(triples, (-1, 3))
+    triples = triples[np.argsort(triples[:, 0], kind="stable")]
+    begins = n + 1 + 2 * np.searchsorted(triples[:, 0], np.arange(n + 1))
+    return np.concatenate([begins, triples[:, 1:].ravel()])
+
+
+def with_delays(functions: Functions, rows: Sequence[int], firsts: np.ndarray) -> Functions:
+    """Return the record with rows of memory that are delays, whose values are constant at first.
+
+    `rows` (k,) has the number of a delay for each row of memory, or -1. `firsts` (., d) are the
+    values of each delay.
+    """
+    values = np.zeros((len(firsts), 1, functions.n, N_COEFFICIENTS))
+    values[:, 0, :, 0] = firsts
+    times, ones = np.tile([0.0, 1.0], (len(firsts), 1)), np.ones(len(firsts), dtype=np.int64)
+    delays = Delays(np.array(rows, dtype=np.int64), ones, times, values)
+    return functions._replace(delays=delays)
+
+
+def with_switches(functions: Functions, switches: Sequence[Any], n_read: int) -> Functions:
+    """Return the record of an f that is evaluated on the positive side of each switch.
+
+    The switches are compiled functions that read `n_read` components. The caller keeps them alive.
+    """
+    places = np.array([place_of(switch) for switch in switches], dtype=np.int64)
+    found = Switches(places, np.ones(places.size), n_read, functions.maps.sizes.size - 1)
+    return functions._replace(switches=found)
+
+
+if config.DISABLE_JIT:
+
+    def place_of(fun: Any) -> int:
+        """Return the number by which `function_at` finds a function."""
+        return id(fun)
+
+    def function_at(place: int) -> Any:
+        """Return the function of a number of `place_of`."""
+        return ctypes.cast(int(place), ctypes.py_object).value
+
+else:
+
+    def place_of(fun: Any) -> int:
+        """Return the number by which `function_at` finds a function, its address."""
+        return int(fun.address)
+
+    @intrinsic
+    def function_at(typing_context, place):
+        """Return the function of a number of `place_of`."""
+
+        def codegen(context, builder, signature, arguments):
+            return builder.inttoptr(arguments[0], context.get_value_type(signature.return_type))
+
+        return FunctionField(RHS_SIG)(types.int64), codegen
+
+
+@inner
+def set_force(force, t, x, out):
+    """Set out = f(t, x), both (n,)."""
+    set_force_with(force, t, x, out, force.functions.params)
+
+
+@inner
+def set_force_with(force, t, x, out, params):
+    """Set out = f(t, x), with other parameters (p,) than those of the record."""
+    functions = force.functions
+    if force.bare == 1:
+        functions.rhs(t + functions.start, x, out, params)
+    else:
+        force.compose(functions, t, x, out, params)
+
+
+@plug_in
+def compose(functions, t, x, out, params):
+    """Set out = f(t, x), where something stands around the user's function."""
+    maps = functions.maps
+    n_maps = maps.sizes.shape[0] - 1
+    if _are_outside(functions):
+        x = _copied(x)
+        t = _to_the_side(functions, t, x)
+    if n_maps == 0:
+        _inner(functions, t, x, out, params)
+        return
+    moved_inside = functions.switches.signs.shape[0] > 0 and not _are_outside(functions)
+    if n_maps == 1 and _in_place(maps, 0) and not moved_inside:
+        n_f = maps.sizes[1]
+        force = out[out.shape[0] - n_f :]
+        _inner(functions, t, x[:n_f], force, params)
+        _combine(maps, 0, x, force, out)
+        return
+    t, arguments = _arguments(functions, t, x)
+    values = np.empty(arguments.shape[0])
+    end = arguments.shape[0]
+    begin = end - maps.sizes[n_maps]
+    _inner(functions, t, arguments[begin:], values[begin:], params)
+    for number in range(n_maps - 1, 0, -1):
+        n = maps.sizes[number]
+        above, force = arguments[begin - n : begin], values[begin:end]
+        _combine(maps, number, above, force, values[begin - n : begin])
+        begin, end = begin - n, begin
+    _combine(maps, 0, x, values[:end], out)
+
+
+@inner(allocates=True)
+def set_slopes(functions, t, x, out):
+    """Set out = df / dx by the user's Jacobian, (n, n)."""
+    maps = functions.maps
+    n_maps = maps.sizes.shape[0] - 1
+    if _are_outside(functions):
+        x = _copied(x)
+        t = _to_the_side(functions, t, x)
+    if n_maps == 0:
+        _inner_slopes(functions, t, x, out)
+        return
+    t, arguments = _arguments(functions, t, x)
+    n = maps.sizes[n_maps]
+    slopes = np.empty((n, n))
+    _inner_slopes(functions, t, arguments[arguments.shape[0] - n :], slopes)
+    for number in range(n_maps - 1, 0, -1):
+        n = maps.sizes[number]
+        around = np.empty((n, n))
+        _combine_slopes(maps, number, slopes, around)
+        slopes = around
+    _combine_slopes(maps, 0, slopes, out)
+
+
+@inner(allocates=True)
+def slopes_of_user(functions, t, x):
+    """Return the array that the user's Jacobian fills, (jac_rows, jac_columns)."""
+    if functions.switches.signs.shape[0] > 0:
+        x = _copied(x)
+        t = _to_the_side(functions, t, x)
+    filled = np.zeros((functions.jac_rows, functions.jac_columns))
+    _own_slopes(functions, t + functions.start, x, filled)
+    return filled
+
+
+@inner(allocates=True)
+def _copied(x):
+    """Return a copy of x (n,)."""
+    found = np.empty(x.shape[0])
+    for i in range(x.shape[0]):
+        found[i] = x[i]
+    return found
+
+
+@inner
+def _in_place(maps, number):
+    """Return whether f reads the first components of a map, and gives its last values."""
+    return maps.starts[3 * number] == maps.starts[3 * number + 1]
+
+
+@inner
+def _are_outside(functions):
+    """Return whether there are switches, and no maps outside of them."""
+    switches = functions.switches
+    return switches.signs.shape[0] > 0 and switches.n_inside == functions.maps.sizes.shape[0] - 1
+
+
+@inner(allocates=True)
+def _arguments(functions, t, x):
+    """Return t, and the components inside all maps, one map after another.
+
+    Between two maps both may be moved to the sides of switches.
+    """
+    maps, switches = functions.maps, functions.switches
+    n_maps, total = maps.sizes.shape[0] - 1, 0
+    for number in range(n_maps):
+        total += maps.sizes[number + 1]
+    found, begin = np.zeros(total), 0
+    for number in range(n_maps):
+        end = begin + maps.sizes[number + 1]
+        z = found[begin:end]
+        if _in_place(maps, number):
+            for i in range(z.shape[0]):
+                z[i] = x[i]
+        else:
+            _add_product(maps.numbers[maps.starts[3 * number] :], x, z)
+        if switches.signs.shape[0] > 0 and switches.n_inside == n_maps - 1 - number:
+            t = _to_the_side(functions, t, z)
+        x, begin = z, end
+    return t, found
+
+
+@inner
+def _combine(maps, number, x, force, out):
+    """Set out = B x + A f, where f is the vector `force`."""
+    in_place = _in_place(maps, number)
+    for i in range(out.shape[0] - force.shape[0] if in_place else out.shape[0]):
+        out[i] = 0.0
+    if in_place and force.shape[0] > 0:
+        first = out.shape[0] - force.shape[0]
+        for i in range(force.shape[0]):
+            out[first + i] = force[i]
+    _add_product(maps.numbers[maps.starts[3 * number + 1] :], x, out)
+    if not in_place:
+        _add_product(maps.numbers[maps.starts[3 * number + 2] :], force, out)
+
+
+@inner
+def _combine_slopes(maps, number, block, out):
+    """Set out = B + A J S, where J is the matrix `block`."""
+    n, n_f, in_place = out.shape[0], block.shape[0], _in_place(maps, number)
+    read = maps.numbers[maps.starts[3 * number] :]
+    own = maps.numbers[maps.starts[3 * number + 1] :]
+    before = maps.numbers[maps.starts[3 * number + 2] :]
+    for i in range(n):
+        for j in range(n):
+            copied = in_place and i >= n - n_f and j < n_f
+            out[i, j] = block[i - n + n_f, j] if copied else 0.0
+        for p in range(int(own[i]), int(own[i + 1]), 2):
+            out[i, int(own[p])] += own[p + 1]
+        if in_place:
+            continue
+        for p in range(int(before[i]), int(before[i + 1]), 2):
+            for k in range(n_f):
+                change = before[p + 1] * block[int(before[p]), k]
+                for q in range(int(read[k]), int(read[k + 1]), 2):
+                    out[i, int(read[q])] += change * read[q + 1]
+
+
+@inner
+def _add_product(matrix, x, out):
+    """Add the product of a matrix, stored as offsets and pairs, with x to `out`."""
+    for i in range(out.shape[0]):
+        total = 0.0
+        for p in range(int(matrix[i]), int(matrix[i + 1]), 2):
+            total += matrix[p + 1] * x[int(matrix[p])]
+        out[i] += total
+
+
+@inner(allocates=True)
+def _inner(functions, t, x, out, params):
+    """Set out to the values of g, followed by 0 for the memory among the components x (n,)."""
+    n = functions.n
+    _own_values(functions, t + functions.start, _all_rows(functions, t, x), out[:n], params)
+    for i in range(n, out.shape[0]):
+        out[i] = 0.0
+
+
+@inner(allocates=True)
+def _own_values(functions, t, z, out, params):
+    """Set out (n,) = g(t, z); z is y and then memory."""
+    n, form = out.shape[0], functions.form
+    k = z.shape[0] // n - 1
+    if form == REAL:
+        functions.rhs(t, z, out, params)
+    elif form == READING:
+        functions.reading(t, z[:n], z[n:].reshape((k, n)), out, params)
+    elif form == COMPLEX:
+        functions.complex(t, z.view(np.complex128), out.view(np.complex128), params)
+    elif form == COMPLEX_READING:
+        y, memory = z[:n].view(np.complex128), z[n:].view(np.complex128)
+        rows, values = memory.reshape((k, n // 2)), out.view(np.complex128)
+        functions.complex_reading(t, y, rows, values, params)
+    elif form == IN_PYTHON:
+        call_at_place(functions.in_python[0], t, z, out)
+    else:
+        for i in range(n):
+            out[i] = 0.0
+
+
+@inner(allocates=True)
+def _inner_slopes(functions, t, x, out):
+    """Set out to the Jacobian of `_inner` with respect to the components x, (n, n)."""
+    n, delays = functions.n, functions.delays
+    z = _all_rows(functions, t, x)
+    t += functions.start
+    by_y, by_memory = np.zeros((n, n)), np.empty((n, z.shape[0] - n))
+    if functions.places.shape[0] > 0:
+        filled = np.zeros((functions.jac_rows, functions.jac_columns))
+        _own_slopes(functions, t, z, filled)
+        values = filled.reshape(filled.size)
+        for k in range(functions.places.shape[0]):
+            value = values[functions.places[k]] if functions.places[k] >= 0 else 0.0
+            by_y[functions.rows[k], functions.columns[k]] = value
+    else:
+        _own_slopes(functions, t, z, by_y)
+    if by_memory.shape[1] > 0:
+        _slopes_by_memory(functions, t, z, by_memory)
+    for i in range(out.shape[0]):
+        column = 0
+        for j in range(z.shape[0]):
+            if j >= n and delays.rows.shape[0] > 0 and delays.rows[j // n - 1] >= 0:
+                continue
+            if i >= n:
+                out[i, column] = 0.0
+            else:
+                out[i, column] = by_y[i, j] if j < n else by_memory[i, j - n]
+            column += 1
+
+
+@inner(allocates=True)
+def _own_slopes(functions, t, z, out):
+    """Set out to dg / dy, as the user's function fills it; z is y and then memory."""
+    form, params, n = functions.jac_form, functions.params, functions.n
+    if form == A_MATRIX:
+        functions.jac(t, z, out, params)
+    elif form == ENTRIES:
+        functions.jac_entries(t, z, out[0], params)
+    elif form == IN_TWO_PARTS:
+        functions.jac_reading(t, z[:n], z[n:].reshape((z.shape[0] // n - 1, n)), out, params)
+    elif form == JAC_IN_PYTHON:
+        call_at_place(functions.in_python[1], t, z, out)
+
+
+@inner(allocates=True)
+def _slopes_by_memory(functions, t, z, out):
+    """Set out = dg / dmemory, (n, k n); z is y and then memory."""
+    n = functions.n
+    if functions.in_python[2] != 0:
+        call_at_place(functions.in_python[2], t, z, out)
+    else:
+        memory = z[n:].reshape((z.shape[0] // n - 1, n))
+        functions.jac_memory(t, z[:n], memory, out, functions.params)
+
+
+@inner(allocates=True)
+def call_at_place(address, t, z, out):
+    """Fill `out` from z by the C function at `address`, which enters Python."""
+    if call_at(address, t, z.ctypes.data, out.ctypes.data) != 0:
+        raise PythonRaised
+
+
+@inner(allocates=True)
+def _all_rows(functions, t, x):
+    """Return y and all rows of memory, ((1 + k) n,); x has only the rows that are no delays."""
+    n, delays = functions.n, functions.delays
+    rows = delays.rows
+    if rows.shape[0] == 0:
+        return x
+    z, column = np.empty((1 + rows.shape[0]) * n), n
+    for c in range(n):
+        z[c] = x[c]
+    for row in range(rows.shape[0]):
+        first = (1 + row) * n
+        if rows[row] < 0:
+            for c in range(n):
+                z[first + c] = x[column + c]
+            column += n
+        else:
+            _look_up(delays, rows[row], t, z[first : first + n])
+    return z
+
+
+@inner
+def _look_up(delays, number, t, out):
+    """Set out (n,) to the value of a delay at time t."""
+    times, values = delays.times[number], delays.values[number]
+    low, high = 0, delays.n_pieces[number]
+    while high - low > 1:
+        middle = (low + high) // 2
+        if times[middle] <= t:
+            low = middle
+        else:
+            high = middle
+    u = 2.0 * (t - times[low]) / (times[low + 1] - times[low]) - 1.0
+    u = min(max(u, -1.0), 1.0)
+    for c in range(out.shape[0]):
+        before, last = 0.0, 0.0
+        for j in range(N_COEFFICIENTS - 1, 0, -1):
+            before, last = last, 2.0 * u * last - before + values[low, c, j]
+        out[c] = u * last - before + values[low, c, 0]
+
+
+@inner(allocates=True)
+def _to_the_side(functions, t, x):
+    """Move x (n,) to one side of each switch; return t, moved for switches of the time alone.
+
+    Beyond a switch f has the value of the nearest point on the side of the march.
+    """
+    for number in range(functions.switches.signs.shape[0] - 1, -1, -1):
+        t = _to_one_side(functions, number, t, x)
+    return t
+
+
+@inner(allocates=True)
+def _to_one_side(functions, number, t, x):
+    """Move x (n,) to one side of a switch, by Newton's method; return t, moved if x cannot be."""
+    switches, start, none = functions.switches, functions.start, functions.params[:0]
+    sign, n = switches.signs[number], switches.n_read
+    switch = function_at(switches.functions[number])
+    value, beside, slope, square = np.empty(1), np.empty(1), np.empty(n), 0.0
+    switch(t + start, x[:n], value, none)
+    largest = 0.0
+    for i in range(n):
+        largest = max(largest, abs(x[i]))
+    if sign * value[0] > _NEAR * largest or value[0] != value[0]:
+        return t
+    for _ in range(_ITERATIONS):
+        square, size = 0.0, 0.0
+        for i in range(n):
+            before = x[i]
+            x[i] += _DIFFERENCE * (largest if largest > 0.0 else 1.0)
+            switch(t + start, x[:n], beside, none)
+            slope[i] = (beside[0] - value[0]) / (x[i] - before)
+            x[i] = before
+            square += slope[i] * slope[i]
+            size += abs(slope[i] * before)
+        margin = _MARGIN * size + _LEAST
+        if square == 0.0 or sign * value[0] >= margin:
+            break
+        for i in range(n):
+            x[i] += (2.0 * sign * margin - value[0]) * slope[i] / square
+        switch(t + start, x[:n], value, none)
+    if square == 0.0:  # a switch of the time alone
+        for _ in range(_ITERATIONS):
+            now = t + start
+            step = _DIFFERENCE * (abs(now) if now != 0.0 else 1.0)
+            switch(now + step, x[:n], beside, none)
+            slope_t = (beside[0] - value[0]) / step
+            margin = _MARGIN * abs(slope_t * now) + _LEAST
+            if slope_t == 0.0 or sign * value[0] >= margin:
+                break
+            t += (2.0 * sign * margin - value[0]) / slope_t
+            switch(t + start, x[:n], value, none)
+    return t
