@@ -185,9 +185,7 @@ def stages(equation, form, t, h, base, y, p):
     for sweep in range(6):
         x = np.where(second[:, None], y[:, None] + p @ whole.T, p)
         for j, row in enumerate(np.ascontiguousarray(x.T)):
-            out = np.empty(d)
-            equation.system.compiled_rhs(t[j], row, out, equation.system.compiled_params)
-            f[:, j] = out
+            f[:, j] = equation.system.force(t[j], row)
         if sweep == 0:
             slopes = np.array([equation.jacobian(t[j], x[:, j].copy()) for j in range(s)])
             for c, e in np.ndindex(d, d):

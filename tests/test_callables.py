@@ -188,16 +188,16 @@ def test_compilation_leaves_the_collection_of_garbage_as_it_was():
 
 def test_a_function_is_compiled_once():
     assert (
-        equation(three).system.compiled_rhs
-        is equation(three, params=(1.0, 1.0)).system.compiled_rhs
+        equation(three).system.functions.rhs
+        is equation(three, params=(1.0, 1.0)).system.functions.rhs
     )
     assert (
-        equation(three).system.compiled_rhs
-        is equation(three, y0=(1.0, 2.0, 3.0)).system.compiled_rhs
+        equation(three).system.functions.rhs
+        is equation(three, y0=(1.0, 2.0, 3.0)).system.functions.rhs
     )
     assert (
-        equation(jitted_in_place).system.compiled_rhs
-        is equation(jitted_in_place).system.compiled_rhs
+        equation(jitted_in_place).system.functions.rhs
+        is equation(jitted_in_place).system.functions.rhs
     )
 
 
@@ -215,8 +215,7 @@ def divides_whole_numbers(t, y):
 def test_whole_numbers_that_numba_takes_otherwise():
     with pytest.warns(hd.PythonFunctionWarning, match=r"compiled it gives .*: write 1.0 for 1"):
         eq = equation(divides_whole_numbers)
-    values = np.empty(2)
-    eq.system.compiled_rhs(0.0, np.array([1.0, 2.0]), values, eq.system.compiled_params)
+    values = eq.system.force(0.0, np.array([1.0, 2.0]))
     assert values.tolist() == list(divides_whole_numbers(0.0, np.array([1.0, 2.0])))
 
 

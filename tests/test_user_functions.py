@@ -162,14 +162,14 @@ def closure(rate):
 def test_equal_closures_are_compiled_once():
     first = equation(closure(2.0))
     assert all(
-        equation(closure(2.0)).system.compiled_rhs is first.system.compiled_rhs for _ in range(3)
+        equation(closure(2.0)).system.functions.rhs is first.system.functions.rhs for _ in range(3)
     )
-    assert equation(closure(2)).system.compiled_rhs is not first.system.compiled_rhs
-    assert equation(closure(3.0)).system.compiled_rhs is not first.system.compiled_rhs
+    assert equation(closure(2)).system.functions.rhs is not first.system.functions.rhs
+    assert equation(closure(3.0)).system.functions.rhs is not first.system.functions.rhs
     table = np.array([2.0])
     assert (
-        equation(closure(table)).system.compiled_rhs
-        is equation(closure(table.copy())).system.compiled_rhs
+        equation(closure(table)).system.functions.rhs
+        is equation(closure(table.copy())).system.functions.rhs
     )
 
 
@@ -264,7 +264,7 @@ def test_lyapunov_takes_the_present_values():
 
 def test_equations_made_from_others():
     eq = equation(lambda t, y, p: -p[0] * y, jac=lambda t, y, p: np.array([[-p[0]]]))
-    assert eq.replace(params=[3.0]).system.compiled_rhs is eq.system.compiled_rhs
+    assert eq.replace(params=[3.0]).system.functions.rhs is eq.system.functions.rhs
     assert eq.replace(params=[3.0]).params.tolist() == [3.0]
     assert eq.params.tolist() == [1.0, 2.0]
     assert eq.replace(y0=[1.0, 2.0], jac=None).d == 2

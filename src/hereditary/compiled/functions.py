@@ -173,7 +173,7 @@ class Functions(NamedTuple):
     @property
     def code(self) -> tuple[Any, ...]:
         """The user's compiled functions."""
-        return self[1:9]
+        return self[_CODE]
 
     @property
     def has_jac(self) -> bool:
@@ -195,6 +195,8 @@ class Functions(NamedTuple):
         return self._replace(switches=self.switches._replace(signs=signs), delays=delays)
 
 
+# Fields of a record that are functions.
+_CODE = slice(1, 9)
 _FUNCTIONS = Reference(compiled_type(Functions))
 # Signature of ``compose(functions, t, x, out, params)``, which sets out = f(t, x).
 _COMPOSE_SIG = types.void(_FUNCTIONS, F8, VEC, VEC, VEC)
@@ -214,30 +216,37 @@ def absent(signature: Any) -> Any:
     return SimpleNamespace(address=0, of_signature=signature)
 
 
-def of_user(params: np.ndarray, n: int, **fields: Any) -> Functions:
-    """Return the record of a user's functions, by the fields of `Functions` that they have."""
+@lru_cache
+def _empty() -> Functions:
+    """Return a record without functions, parameters, and whatever stands around functions."""
     none, nothing = np.zeros(0, dtype=np.int64), np.zeros(0)
-    hints = Functions.__annotations__.items()
-    missing = {
-        name: absent(hint.__metadata__[0].signature)
-        for name, hint in hints
-        if isinstance(getattr(hint, "__metadata__", (0,))[0], FunctionField)
-    }
-    other = {
+    fields: dict[str, Any] = {
+        "params": nothing,
         "in_python": np.zeros(3, dtype=np.int64),
-        "maps": Maps(nothing, np.zeros(1, dtype=np.int64), none),
-        "delays": Delays(none, none, np.zeros((0, 1)), np.zeros((0, 0, 0, 0))),
-        "switches": Switches(none, nothing, 0, 0),
         "rows": none,
         "columns": none,
         "places": none,
+        "maps": Maps(nothing, np.zeros(1, dtype=np.int64), none),
+        "delays": Delays(none, none, np.zeros((0, 1)), np.zeros((0, 0, 0, 0))),
+        "switches": Switches(none, nothing, 0, 0),
         "start": 0.0,
-        "form": REAL,
-        "jac_form": BY_DIFFERENCES,
+        "n": 0,
+        "form": ZERO,
+        "jac_form": CONSTANT,
         "jac_rows": 0,
         "jac_columns": 0,
     }
-    return Functions(**{**missing, **other, **fields, "params": params, "n": n})
+    signatures = (kind.signature for kind in tuple(compiled_type(Functions))[_CODE])
+    functions = dict(zip(Functions._fields[_CODE], map(absent, signatures), strict=True))
+    return Functions(**fields, **functions)
+
+
+def of_user(params: np.ndarray, n: int, **fields: Any) -> Functions:
+    """Return the record of a user's functions, by the fields of `Functions` that they have.
+
+    What is not given is 0, left out or empty.
+    """
+    return _empty()._replace(params=params, n=n, **fields)
 
 
 def force_of(functions: Functions) -> Force:

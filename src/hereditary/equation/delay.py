@@ -194,7 +194,7 @@ def _past(delay: Delay, y0: np.ndarray, origin: float) -> Earlier:
 def reading(
     functions: Functions, pasts: Sequence[Earlier | None]
 ) -> tuple[Functions, tuple[Delayed, ...]]:
-    """Return functions that read delays from tables, and the delays.
+    """Return functions that read delays from tables, and the delays; the functions without delays.
 
     Parameters
     ----------
@@ -203,6 +203,8 @@ def reading(
     pasts : sequence of length k
         For each row of memory its past if it is a delay. None if the row remains an unknown.
     """
+    if not any(pasts):
+        return functions, ()
     rows, found = [], list[Delayed]()
     for past in pasts:
         rows.append(len(found) if past else -1)

@@ -12,32 +12,31 @@ from numpy.typing import ArrayLike
 
 from ..compiled.callbacks import PythonRaised, original
 from ..compiled.functions import Functions
-from ..functions.assemble import functions_of
+from ..functions.assemble import Assembled, functions_of
 from ..functions.build import Start, present_values
 from ..functions.differences import check_jacobian
 from ..functions.reads import digest, digest_of_compiled
-from ..support.checks import count, instance, real, real_array, refuse
+from ..support.checks import instance, real, real_array, refuse
 from .chain import chained
 from .delay import Delay, pasts_of, reading
 from .formula import formula
 from .frame import Frame
-from .jacobian_structure import copied, stated
+from .jacobian_structure import Stated, copied, stated
 from .operators import Summand
-from .orders import merged_orders
 from .statement import (
+    Initial,
     as_terms,
-    check_initial_terms,
+    check_leading,
     factors_of,
-    finite,
-    initial_rows,
-    initial_values,
+    initial_of,
     left_side,
     of_shorthand,
-    per_component,
+    orders_of,
     read_memory,
+    start_of,
     with_memory,
 )
-from .system import System, displaced, leading_orders
+from .system import System, displaced
 from .terms import SystemTerm
 
 
@@ -173,58 +172,35 @@ class Equation:
         self.terms, self.memory = as_terms(terms), read_memory(memory)
         self.rhs, self.jac, self.jac_memory = rhs, jac, jac_memory
         self.linear, self.jac_sparsity, self.bandwidth = linear, jac_sparsity, bandwidth
-        values = finite(y0)
-        highest = max(t.operator.derivative for t in self.terms)
-        if highest == 0:
-            required = "hold a derivative"
-            remedy = "hereditary.derivative(t, g, ...) solves equations of the first kind for y"
-            refuse("terms", required, repr(self.terms[0]), remedy)
-        if d is None:
-            initial = self._given_y0 = initial_values(values, highest)
-        else:
-            self._given_y0 = initial_rows(values, highest, count("d", d))
-            initial = self._given_y0[:highest].copy()
-        self._given_d = d
-        d, paired = initial.shape[1], initial.dtype.kind == "c"
+        initial = self._initial = initial_of(y0, self.terms, d)
         self.t_start = real("t_start", t_start)
-        factors = factors_of(self.terms, d, paired)
-        constant = [t.operator.constant for t in self.terms]
-        own = [t.operator._order for t in self.terms if t.operator.constant]
-        orders = merged_orders(per_component("order", own, d, paired))
-        orders.flags.writeable = False
-        self.orders, self.coefficients = orders, factors[constant]
+        factors = factors_of(self.terms, initial.d, initial.paired)
+        self.orders = orders_of(self.terms, initial.d, initial.paired)
+        self.coefficients = factors[[term.operator.constant for term in self.terms]]
         self.coefficients.flags.writeable = False
-        remembered = np.zeros((len(self.memory), d), initial.dtype)
-        pasts = pasts_of(self.memory, initial[0], self.t_start)
-        for row, past in zip(remembered, pasts, strict=True):
-            row[:] = 0.0 if past is None else past.first
-        start = Start(initial[0], remembered, _numbers(params), self.t_start)
-        said, entries = None, jac
-        if rhs is None or any(part is not None for part in (linear, bandwidth, jac_sparsity)):
-            self.linear, self.jac_sparsity = copied(linear), copied(jac_sparsity)
-            rearranged = len(initial) > 2 or factors.ndim > 2 or paired or bool(self.memory)
-            said = stated(d, rhs, jac, rearranged, bandwidth, jac_sparsity, linear)
-            entries = said.values_of(jac, start)
-        hint = partial(of_shorthand, values, initial, bool(self.memory))
-        functions = functions_of(rhs, entries, jac_memory, start, hint, said and said.shape)
-        self._constants = said.constants() if said else ()
-        self._in_python = bool(functions.callbacks)
-        known = {"matrix": said and said.linear, "linear_alone": rhs is None}
-        known["callbacks"] = functions.callbacks
+        pasts = pasts_of(self.memory, initial.values[0], self.t_start)
+        start = start_of(initial, pasts, _numbers(params), self.t_start)
+        said = self._stated(initial, factors.ndim > 2)
+        functions = self._assembled(said, initial, start)
         made, structure = functions.functions._replace(start=self.t_start), None
         if said is not None:
             made, structure = said.assembled(made, start.components().size)
         if made.has_jac or structure is not None:
             check_jacobian(made, start.components(), structure)
-        if any(pasts):
-            made, known["delays"] = reading(made, pasts)
-            known["terms_digest"] = digest([(p.delay.tau, p.delay.past) for p in pasts if p])
+        made, delays = reading(made, pasts)
+        self._constants = said.constants() if said else ()
+        self._in_python = bool(functions.callbacks)
         self._frozen = self._present_values()
-        left = left_side(self.terms, factors, orders, self.t_start)
-        known["structure"] = structure
-        known["rhs_digest"] = self._digest_of_rhs()
-        self.system = self._solved(left, initial.view(float), made, paired, known)
-        self.system.y0.flags.writeable = False
+        self.system = self._solved(
+            left_side(self.terms, factors, self.orders, self.t_start),
+            made,
+            structure=structure,
+            matrix=said and said.linear,
+            linear_alone=rhs is None,
+            callbacks=functions.callbacks,
+            delays=delays,
+            rhs_digest=self._digest_of_rhs(),
+        )
 
     @property
     def d(self) -> int:
@@ -246,36 +222,53 @@ class Equation:
         """Parameters, shape (p,)."""
         return self.system.params
 
-    def _solved(
-        self,
-        left: list[SystemTerm],
-        initial: np.ndarray,
-        functions: Functions,
-        paired: bool,
-        known: dict[str, Any],
-    ) -> System:
+    def _stated(self, initial: Initial, matrices: bool) -> Stated | None:
+        """Check what is stated of the Jacobian, and return it as `Stated`; None for nothing.
+
+        `matrices` says whether coefficients of the terms are matrices.
+        """
+        given = self.linear, self.bandwidth, self.jac_sparsity
+        if self.rhs is not None and all(part is None for part in given):
+            return None
+        self.linear, self.jac_sparsity = copied(self.linear), copied(self.jac_sparsity)
+        rearranged = len(initial.values) > 2 or matrices or initial.paired or bool(self.memory)
+        how = self.bandwidth, self.jac_sparsity, self.linear
+        return stated(initial.d, self.rhs, self.jac, rearranged, *how)
+
+    def _assembled(self, said: Stated | None, initial: Initial, start: Start) -> Assembled:
+        """Check the functions at the start and return them, compiled where numba can."""
+        entries = said.values_of(self.jac, start) if said else self.jac
+        hint = partial(of_shorthand, initial, bool(self.memory))
+        shape = said and said.shape
+        return functions_of(self.rhs, entries, self.jac_memory, start, hint, shape)
+
+    def _solved(self, left: list[SystemTerm], functions: Functions, **known: Any) -> System:
         """Return the system to solve, without matrices as coefficients and without orders above 2.
 
         An equation with either is first rewritten by `chained`. `known` are further fields of the
         system.
         """
-        if self._given_d is not None:
-            needed = leading_orders(left, initial.shape[1]) > np.arange(len(initial))[:, None]
-            initial = np.where(needed, initial, 0.0)
+        y0 = self._initial.needed(left)
         kept = [term for term in self.memory if not isinstance(term, Delay)]
-        _check_leading(left, initial, bool(kept))
-        if len(initial) > 2 or left[0].coefficients.ndim > 1:
+        check_leading(left, y0, bool(kept))
+        if known["delays"]:
+            pasts = [each.past.delay for each in known["delays"]]
+            known["terms_digest"] = digest([(delay.tau, delay.past) for delay in pasts])
+        if len(y0) > 2 or left[0].coefficients.ndim > 1:
             if self.memory:
                 required = "be left out with orders above 2 and with matrices as coefficients"
                 remedy = "write the equation as a system of y and its derivatives"
                 refuse("memory", required, repr(self.memory), remedy)
             known["terms_digest"] = digest([(operator.order, c) for operator, c in left])
-            system, speeds = chained(left, initial, functions)
-            known["frame"] = Frame(self.t_start, paired, tuple(speeds.tolist()))
-            return replace(system, **known)
-        known["frame"] = Frame(self.t_start, paired)
-        system = System(left, initial, functions, **known)
-        return with_memory(system, kept) if kept else system
+            system, speeds = chained(left, y0, functions)
+            frame = Frame(self.t_start, self._initial.paired, tuple(speeds.tolist()))
+            system = replace(system, frame=frame, **known)
+        else:
+            frame = Frame(self.t_start, self._initial.paired)
+            system = System(left, y0, functions, frame=frame, **known)
+        system = with_memory(system, kept) if kept else system
+        system.y0.flags.writeable = False
+        return system
 
     def __repr__(self) -> str:
         read = f", memory=[{', '.join(map(repr, self.memory))}]" if self.memory else ""
@@ -349,7 +342,7 @@ class Equation:
 
     def _arguments(self) -> dict[str, Any]:
         """Return the arguments that make this equation."""
-        own = {"y0": self._given_y0, "d": self._given_d}
+        own = {"y0": self._initial.given, "d": self._initial.stated_d}
         return {name: getattr(self, name) for name in _GIVEN} | own
 
     def jacobian(self, t: float, y: ArrayLike) -> Any:
@@ -406,30 +399,6 @@ def _numbers(params: ArrayLike) -> np.ndarray:
     if values.ndim > 1:
         refuse("params", "be a number or a flat sequence of floats", f"shape {values.shape}")
     return values.reshape(-1)
-
-
-def _check_leading(left: Iterable[SystemTerm], y0: np.ndarray, reads: bool) -> None:
-    """Refuse components without Caputo or Memory terms, and initial values that no term needs.
-
-    A component must have another term besides RiemannLiouville terms, or no term at all. If the
-    right-hand side reads memory (`reads`), an algebraic row may have initial values of all orders.
-    """
-    d = y0.shape[1]
-    highest = leading_orders([term for term in left if not term.operator.from_zero], d)
-    present = np.any([own.reshape(-1, d).any(axis=0) for _, own in left], axis=0)
-    for j in np.flatnonzero((highest == 0) & present):
-        required = "leave every component at least one nonzero term other than RiemannLiouville"
-        refuse("terms", required, f"none for component {j}")
-    check_initial_terms(left, highest)
-    highest = np.where(present | (not reads), highest, len(y0))
-    for k in range(1, len(y0)):
-        for j in np.flatnonzero((highest <= k) & (y0[k] != 0)):
-            got = f"y0[{k}][{j}] = {y0[k, j]}"
-            primes = "'" * k
-            required = (
-                f"hold no y{primes}(0) for component {j}, whose highest order is {highest[j]}"
-            )
-            refuse("y0", required, got, "set it to 0")
 
 
 def current_equation(equation: Any) -> Equation:

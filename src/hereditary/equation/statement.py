@@ -3,17 +3,18 @@
 import numbers
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from ..compiled.functions import mapped
-from ..support.checks import complaint, real_array, refuse, refuse_masked, shown
-from .delay import Delay
+from ..functions.build import Start
+from ..support.checks import complaint, count, real_array, refuse, refuse_masked, shown
+from .delay import Delay, Earlier
 from .operators import Summand, Term
 from .orders import merged_orders
-from .system import System
+from .system import System, leading_orders
 from .terms import Operator, SystemTerm, VaryingOrder
 
 
@@ -82,7 +83,39 @@ def factors_of(terms: Sequence[Term], d: int, paired: bool) -> np.ndarray:
     return matrices
 
 
-def check_initial_terms(left: Iterable[SystemTerm], leading: np.ndarray) -> None:
+def orders_of(terms: Sequence[Term], d: int, paired: bool) -> np.ndarray:
+    """Return the orders of the terms of constant order for each component, (n, d)."""
+    own = [term.operator._order for term in terms if term.operator.constant]
+    orders = merged_orders(per_component("order", own, d, paired))
+    orders.flags.writeable = False
+    return orders
+
+
+def check_leading(left: Iterable[SystemTerm], y0: np.ndarray, reads: bool) -> None:
+    """Refuse components without Caputo or Memory terms, and initial values that no term needs.
+
+    A component must have another term besides RiemannLiouville terms, or no term at all. If the
+    right-hand side reads memory (`reads`), an algebraic row may have initial values of all orders.
+    """
+    d = y0.shape[1]
+    highest = leading_orders([term for term in left if not term.operator.from_zero], d)
+    present = np.any([own.reshape(-1, d).any(axis=0) for _, own in left], axis=0)
+    for j in np.flatnonzero((highest == 0) & present):
+        required = "leave every component at least one nonzero term other than RiemannLiouville"
+        refuse("terms", required, f"none for component {j}")
+    _check_initial_terms(left, highest)
+    highest = np.where(present | (not reads), highest, len(y0))
+    for k in range(1, len(y0)):
+        for j in np.flatnonzero((highest <= k) & (y0[k] != 0)):
+            got = f"y0[{k}][{j}] = {y0[k, j]}"
+            primes = "'" * k
+            required = (
+                f"hold no y{primes}(0) for component {j}, whose highest order is {highest[j]}"
+            )
+            refuse("y0", required, got, "set it to 0")
+
+
+def _check_initial_terms(left: Iterable[SystemTerm], leading: np.ndarray) -> None:
     """Refuse Riemann-Liouville terms whose order is too high in a component.
 
     `leading` (d,) are the highest orders of the components' other terms. The order must be below
@@ -225,7 +258,65 @@ _SPEED = (
 )
 
 
-def finite(y0: ArrayLike) -> np.ndarray:
+class Initial(NamedTuple):
+    """Initial values of an equation.
+
+    - given: all rows of y0, (k, d), as `Equation` accepts them again; real or complex.
+    - values: the rows y(0), y'(0), ... that the highest order needs, (m, d).
+    - shorthand: y0 as the user gave it, for messages.
+    - stated_d: the argument `d` of `Equation`, or None.
+    """
+
+    given: np.ndarray
+    values: np.ndarray
+    shorthand: np.ndarray
+    stated_d: int | None
+
+    @property
+    def d(self) -> int:
+        """Number of components, where a complex one counts once."""
+        return self.values.shape[1]
+
+    @property
+    def paired(self) -> bool:
+        """Whether components are complex: each is two real components of the system."""
+        return self.values.dtype.kind == "c"
+
+    def needed(self, left: Iterable[SystemTerm]) -> np.ndarray:
+        """Return the values in real numbers; if d is stated, 0 where no term needs them."""
+        real = self.values.view(float)
+        if self.stated_d is None:
+            return real
+        orders = leading_orders(left, real.shape[1])
+        return np.where(orders > np.arange(len(real))[:, None], real, 0.0)
+
+
+def initial_of(y0: ArrayLike, terms: Iterable[Term], d: int | None) -> Initial:
+    """Return the initial values that terms need; `d` is the stated number of components or None."""
+    values = _finite(y0)
+    m = max(term.operator.derivative for term in terms)
+    if m == 0:
+        required = "hold a derivative"
+        remedy = "hereditary.derivative(t, g, ...) solves equations of the first kind for y"
+        refuse("terms", required, repr(next(iter(terms))), remedy)
+    if d is None:
+        given = initial_values(values, m)
+        return Initial(given, given, values, None)
+    given = _initial_rows(values, m, count("d", d))
+    return Initial(given, given[:m].copy(), values, d)
+
+
+def start_of(
+    initial: Initial, pasts: Sequence[Earlier | None], params: np.ndarray, t_start: float
+) -> Start:
+    """Return the arguments of functions at the start; memory is 0 there, except for delays."""
+    remembered = np.zeros((len(pasts), initial.d), initial.values.dtype)
+    for row, past in zip(remembered, pasts, strict=True):
+        row[:] = 0.0 if past is None else past.first
+    return Start(initial.values[0], remembered, params, t_start)
+
+
+def _finite(y0: ArrayLike) -> np.ndarray:
     """Return initial values as an array of finite numbers, real or complex."""
     remedy = "give shape (m, d): y(0), y'(0), ..."
     refuse_masked("y0", y0)
@@ -263,7 +354,7 @@ def initial_values(values: np.ndarray, m: int) -> np.ndarray:
     refuse("y0", required, f"shape {given}" if given else shown(values[0, 0]), remedy)
 
 
-def initial_rows(values: np.ndarray, m: int, d: int) -> np.ndarray:
+def _initial_rows(values: np.ndarray, m: int, d: int) -> np.ndarray:
     """Return y0 as an array (k, d) of at least m rows; the number d of components is given."""
     rows = values.reshape(-1, d) if values.ndim < 2 and values.size % d == 0 else values
     if rows.ndim != 2 or rows.shape[1] != d or len(rows) < m:
@@ -272,10 +363,11 @@ def initial_rows(values: np.ndarray, m: int, d: int) -> np.ndarray:
     return np.ascontiguousarray(rows)
 
 
-def of_shorthand(values: np.ndarray, initial: np.ndarray, reads_memory: bool) -> str:
+def of_shorthand(initial: Initial, reads_memory: bool) -> str:
     """Return a hint for messages: how a flat y0 is understood, and how rhs reads y'; or ""."""
-    speed = _SPEED if initial.shape == (2, 1) and not reads_memory else ""
-    if values.ndim != 1 or initial.shape[0] == 1:
+    values, shape = initial.shorthand, initial.values.shape
+    speed = _SPEED if shape == (2, 1) and not reads_memory else ""
+    if values.ndim != 1 or shape[0] == 1:
         return speed
     return (
         f"; y0 = {shown(values)} is taken for y(0) and y'(0) of one component: for two write "

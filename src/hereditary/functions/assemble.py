@@ -18,14 +18,12 @@ from ..compiled.functions import (
     BY_DIFFERENCES,
     COMPLEX,
     COMPLEX_READING,
-    CONSTANT,
     ENTRIES,
     IN_PYTHON,
     IN_TWO_PARTS,
     JAC_IN_PYTHON,
     READING,
     REAL,
-    ZERO,
     Functions,
     of_user,
 )
@@ -62,15 +60,15 @@ def functions_of(
 ) -> Assembled:
     """Check the functions of an equation at the start and return their record as `Assembled`.
 
-    If `rhs` is None, it is 0. `jac_memory` returns the derivatives of `rhs` by memory. ``hint()``
-    is appended to messages if `rhs` does not fit y0. `shape` is the shape of the values of `jac`,
-    (d, d) by default.
+    If `rhs` is None, it is 0 and its Jacobian too. `jac_memory` returns the derivatives of `rhs` by
+    memory. ``hint()`` is appended to messages if `rhs` does not fit y0. `shape` is the shape of the
+    values of `jac`, (d, d) by default.
     """
     k, d = start.memory.shape
     shape = shape or (d, d)
     if start.paired and jac is not None:
         refuse("jac", "be left out for complex y, so that differences are used", repr(jac))
-    fields: dict[str, Any] = {"form": ZERO, "jac_form": CONSTANT}
+    fields: dict[str, Any] = {}
     parts: list[_Part] = []
     if rhs is not None:
         name, form, signature = _FORMS[k > 0, start.paired]
