@@ -213,7 +213,7 @@ class _Data(_Known):
             operator = replace(operator, derivative=1) if is_kernel else ConstantOrder(lower)
         elif operator.from_zero:
             operator = ConstantOrder(operator.order)
-        system = System([SystemTerm(operator, np.ones(1))], np.zeros((1, 1)), np.zeros(0), None)
+        system = System([SystemTerm(operator, np.ones(1))], np.zeros((1, 1)))
         self._scheme.check_terms(system)
         found = np.zeros_like(values)
         by = self._by_fft if self._even else self._by_rows if operator.kernel else self._by_blocks

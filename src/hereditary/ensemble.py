@@ -445,7 +445,7 @@ def _inside(equation: Equation, values: Any) -> Any:
     if first.d != equation.d:
         refuse("y0", f"hold {equation.d} components, as the equation has", f"{first.d} in a row")
     rearranged = equation.system.frame.paired or equation.system.frame.speeds
-    if rearranged or equation._given_d is not None:
+    if rearranged or equation._initial.stated_d is not None:
         rows = [first, *(equation.replace(y0=row) for row in values[1:])]
         return np.array([row.y0 for row in rows])
     inside = values.reshape(-1, *first.y0.shape)

@@ -8,7 +8,6 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from .compiled.jit import compiled
 from .equation.operators import Caputo, Memory, Term
 from .equation.statement import left_side
 from .equation.system import System, refuse_late
@@ -298,13 +297,7 @@ def _alone(operator: Any) -> System:
     own = getattr(term.operator, "order", ())  # a kernel has none
     left = left_side((term,), term.coefficient.reshape(1, 1), np.reshape(own, (-1, 1)), 0.0)
     y0 = np.eye(term.operator.derivative)[:, :1]
-    return System(left, y0, np.zeros(0), _one)
-
-
-@compiled
-def _one(t: float, y: np.ndarray, dy: np.ndarray, params: np.ndarray) -> None:
-    for i in range(dy.shape[0]):
-        dy[i] = 1.0
+    return System(left, y0, force_of_plan=lambda t, y: np.ones(y.size))
 
 
 def _plan(scheme: Scheme, system: System, h: float) -> Plan:

@@ -97,13 +97,16 @@ def _by_tolerance() -> list[Callable[[], Any]]:
     ]
     runs = [partial(hd.solve, equation, 1.0, rtol=1e-4) for equation in equations]
     swing = hd.Equation([hd.Caputo(2.0), hd.Caputo(1.0)], _forced, [0.0, 0.0], params=[1.0])
-    switch = {"switches": [lambda t, y: y[0] - 2.0]}
     return [
         *runs,
-        partial(hd.solve, one, 1.0, rtol=1e-4, **switch),
+        partial(hd.solve, one, 1.0, rtol=1e-4, switches=[_beyond]),
         partial(hd.lyapunov, one, 1.0, rtol=1e-4),
         partial(hd.frequency_response, swing, [1.0]),
     ]
+
+
+def _beyond(t: float, y: np.ndarray) -> float:
+    return y[0] - 2.0
 
 
 def _forced(t: float, y: np.ndarray, params: np.ndarray) -> np.ndarray:

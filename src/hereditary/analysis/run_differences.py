@@ -110,7 +110,7 @@ class RunDifferences:
         self._ask(tolerances)
         self._times, self._rows = found.t, found.y
         sizes = np.abs(found.y).max(axis=0, initial=0.0)
-        sizes = np.maximum(sizes, np.abs(self._equation._given_y0[0]))
+        sizes = np.maximum(sizes, np.abs(self._equation._initial.given[0]))
         self._sizes = np.where(sizes > 0, sizes, sizes.max() or 1.0)
         span = self._t_last - self._equation.t_start
         slopes = np.zeros(1) if found.ydot is None else np.nan_to_num(np.abs(found.ydot))
@@ -139,7 +139,7 @@ class RunDifferences:
 
     def by_y0(self) -> np.ndarray:
         """Return derivatives by the initial values, (n, d, n_data)."""
-        equation, y0 = self._equation, self._equation._given_y0
+        equation, y0 = self._equation, self._equation._initial.given
         real, factor = y0.view(float), 2 if equation.system.frame.paired else 1
 
         def moved(row: int, column: int, by: float) -> Equation:
@@ -205,7 +205,7 @@ class RunDifferences:
     def _moved_rows(self, moved: Callable[[float], Equation], by: float) -> np.ndarray:
         """Return rows (n, d) of a changed equation; NaN after the end of its run."""
         paired = self._equation.system.frame.paired
-        d = self._equation._given_y0.shape[1]
+        d = self._equation._initial.given.shape[1]
         rows = np.full((self._times.size, d), np.nan, complex if paired else float)
         if not self._times.size:
             return rows
@@ -233,7 +233,7 @@ def initial_data(equation: Equation) -> list[tuple[int, int]]:
 
     These are y(0) of each component, then y'(0) of those with an order above 1, and so on.
     """
-    y0, paired = equation._given_y0, equation.system.frame.paired
+    y0, paired = equation._initial.given, equation.system.frame.paired
     factors = factors_of(equation.terms, y0.shape[1], paired)
     left = left_side(equation.terms, factors, equation.orders, equation.t_start)
     highest = leading_orders(left, y0.view(float).shape[1])
@@ -247,7 +247,7 @@ def _consistent(equation: Equation) -> Equation:
     system = equation.system
     if not system.algebraic.any():
         return equation
-    y0 = equation._given_y0.copy()
+    y0 = equation._initial.given.copy()
     found = settled(system, system.beside(0.0, 1), system.at_start)[: system.n_solved]
     y0[0] = system.frame.values(found)
     return equation.replace(y0=y0)

@@ -239,7 +239,7 @@ def _kept_form(left, m):
     """
     terms = [SystemTerm(operator, np.array(coefficients)) for operator, coefficients in left]
     y0 = np.zeros((m, terms[0].coefficients.size))
-    return _form_of(System(terms, y0, np.zeros(0)))
+    return _form_of(System(terms, y0))
 
 
 def _form_of(system):

@@ -173,7 +173,7 @@ class Functions(NamedTuple):
     @property
     def code(self) -> tuple[Any, ...]:
         """The user's compiled functions."""
-        return self[_CODE]
+        return tuple(getattr(self, name) for name in self._fields[_CODE])
 
     @property
     def has_jac(self) -> bool:
@@ -217,7 +217,7 @@ def absent(signature: Any) -> Any:
 
 
 @lru_cache
-def _empty() -> Functions:
+def no_functions() -> Functions:
     """Return a record without functions, parameters, and whatever stands around functions."""
     none, nothing = np.zeros(0, dtype=np.int64), np.zeros(0)
     fields: dict[str, Any] = {
@@ -246,7 +246,7 @@ def of_user(params: np.ndarray, n: int, **fields: Any) -> Functions:
 
     What is not given is 0, left out or empty.
     """
-    return _empty()._replace(params=params, n=n, **fields)
+    return no_functions()._replace(params=params, n=n, **fields)
 
 
 def force_of(functions: Functions) -> Force:
@@ -322,7 +322,7 @@ def with_switches(functions: Functions, switches: Sequence[Any], n_read: int) ->
     return functions._replace(switches=found)
 
 
-if config.DISABLE_JIT:
+if config.DISABLE_JIT:  # type: ignore[attr-defined]
 
     def place_of(fun: Any) -> int:
         """Return the number by which `function_at` finds a function."""
@@ -612,7 +612,7 @@ def _slopes_by_memory(functions, t, z, out):
 @inner(allocates=True)
 def call_at_place(address, t, z, out):
     """Fill `out` from z by the C function at `address`, which enters Python."""
-    if call_at(address, t, z.ctypes.data, out.ctypes.data) != 0:
+    if call_at(address, t, z.ctypes.data, out.ctypes.data) != 0:  # type: ignore[call-arg]
         raise PythonRaised
 
 

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..compiled.functions import Functions
+from ..compiled.functions import Functions, no_functions
 from ..compiled.jacobian import (
     VALUES,
     derivatives_by_parameters,
@@ -45,7 +45,7 @@ class System:
     y0 : ndarray, shape (m, d)
         y(0), and y'(0) if m = 2; a memory component has those of its source.
     functions : Functions
-        Right-hand side, its Jacobian and parameters, for compiled code.
+        Right-hand side, its Jacobian and parameters, for compiled code; 0 by default.
     force_of_plan : callable, optional
         ``force_of_plan(t, y)`` in place of the right-hand side, in a system that serves only to
         make plans.
@@ -81,7 +81,7 @@ class System:
 
     left: Iterable[SystemTerm]  # a tuple from __post_init__ on
     y0: np.ndarray
-    functions: Functions
+    functions: Functions = field(default_factory=no_functions)
     force_of_plan: Any = None
     sources: Any = None
     structure: Structure | None = None
