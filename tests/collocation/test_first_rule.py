@@ -18,6 +18,7 @@ from hereditary.collocation.first_rule import (
     functions,
     graded_rule,
     means_at_nodes,
+    rule_of_modes,
 )
 from hereditary.collocation.quadrature import check_points_of, radau_nodes
 from hereditary.exact import relaxation
@@ -122,6 +123,18 @@ def test_the_graded_rule_is_for_functions_singular_at_both_ends(p, q):
     ends = LEFT_OUT ** (p + 1) / (p + 1) + LEFT_OUT ** (q + 1) / (q + 1)
     exact = gamma(p + 1) * gamma(q + 1) * rgamma(p + q + 2)
     assert weights @ (u**p * v**q) + ends == pytest.approx(exact, rel=1e-12)
+
+
+@pytest.mark.parametrize("n", [24, 48])
+@pytest.mark.parametrize("fastest", [0.0, 1.0, 300.0, 2e4, 1e9, 1e30])
+def test_the_rule_of_modes_is_for_powers_and_decays_up_to_a_rate(n, fastest):
+    """``int u**p exp(-z (1-u)) du = M(1, p + 2, -z) / (p + 1)`` is Kummer's function."""
+    _, u, v, weights = rule_of_modes(n, fastest)
+    for p in (0.0, 0.3, 2.0):
+        for z in fastest * np.array([1e-4, 0.1, 1.0]):
+            with mpmath.workdps(30):
+                exact = float(mpmath.hyp1f1(1, p + 2, -mpmath.mpf(z)) / (p + 1))
+            assert weights @ (u**p * np.exp(-z * v)) == pytest.approx(exact, rel=1e-12, abs=1e-16)
 
 
 # Variables that are bent

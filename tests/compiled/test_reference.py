@@ -13,6 +13,7 @@ from hereditary.compiled.jit import (
     Matrix,
     Vector,
     as_value,
+    checked,
     compiled,
     compiled_type,
     derived,
@@ -134,6 +135,19 @@ def test_a_field_of_another_type_is_refused(wrong):
         march(work(**wrong))
     with pytest.raises((TypeError, ValueError)):
         by_reference(work()[:-1], WORK)
+
+
+@pytest.mark.skipif(config.DISABLE_JIT, reason="Python checks no types")
+def test_a_part_is_checked_once_where_it_is_made_and_again_after_a_change():
+    room = checked(Room(np.zeros(3), np.ones(3)))
+    assert march(work(room=room)) == march(work())
+    assert room == Room(*room)
+    with pytest.raises(TypeError, match=r"Room\.after must be of type"):
+        checked(Room(np.zeros(3), None))
+    with pytest.raises(TypeError, match=r"Room\.after must be of type"):
+        march(work(room=room._replace(after=None)))
+    with pytest.raises(TypeError, match=r"Work\.room|System\.rhs must be of type"):
+        march(work(system=room))
 
 
 @pytest.mark.skipif(config.DISABLE_JIT, reason="Python has no other form of it")

@@ -7,10 +7,12 @@ if an equation needs it). The primary unknown p is y, or y' for orders above 1.
 from __future__ import annotations
 
 import copy
+import math
+from operator import attrgetter
 
 import numpy as np
 
-from ..compiled.jacobian import LEAST
+from ..compiled.jacobian import LEAST, VALUES
 from ..compiled.records import plain
 from ..equation.system import refuse_late
 from ..functions.differences import wrong_jacobian
@@ -31,7 +33,7 @@ from .endings import (
     of_near_orders,
 )
 from .equations import integral_form
-from .first_rule import convolutions, first_rule
+from .first_rule import convolutions, first_rule, known_at_nodes, node_logs
 from .jumps import jump
 from .march import (
     CRAWLING,
@@ -40,15 +42,15 @@ from .march import (
     REACHED,
     TOO_CLOSE,
     TOO_ROUGH,
+    jacobian_at_start,
     march_adaptive,
     march_of,
-    set_units_once,
 )
-from .mode_tables import empty_weights, floor_to_grid, kept_tables
-from .operators import FORCE, PRIMARY, empty_operators
+from .mode_tables import empty_tables, floor_to_grid, spare_tables
+from .operators import FORCE, PRIMARY
 from .orbit import OrbitAndTangents, initial_unknowns
 from .pieces import FirstPiece, PolynomialPieces
-from .quadrature import radau_nodes, rule_of, shortened_legendre
+from .quadrature import rule_of
 from .reading import Plain, Reading, is_read
 from .singular_start import VANISHING, trials
 from .stage_solver import has_stages, stage_solver
@@ -56,17 +58,15 @@ from .step_limits import StepLimits
 from .structures import (
     AT_EDGE,
     AdaptiveWork,
-    ExponentialBasis,
     OrbitArrays,
     Steps,
-    StepTables,
-    empty_room,
     empty_steps,
     initial_state,
     restored_state,
 )
 from .tolerances import SMALL, ErrorPolicy, Tolerance, raise_small_once, undamped
 from .varying import OrderTables
+from .workspace import give_back, take_workspace
 
 # Longest first step of a solution at rest, as a fraction of the longest step at rest: the nodes of
 # first steps are further apart.
@@ -106,9 +106,17 @@ class AdaptiveStepper(ResumableStepper, TangentStepper, JumpingStepper):
     tolerance : Tolerance
     directions : ndarray, shape (n_data, k), optional
         Directions of initial data. Each has a tangent, whose error limits the steps as well.
+
+    Attributes
+    ----------
+    t : float
+        Time that the march has reached.
+    n_steps : int
+        Number of accepted steps since t = 0.
     """
 
     counted = False
+    t = 0.0
     _error: Exception | None = None
 
     def __init__(self, system, scheme, t_end, tolerance, directions=None):
@@ -126,15 +134,16 @@ class AdaptiveStepper(ResumableStepper, TangentStepper, JumpingStepper):
         s = self._s = int(scheme.nodes)
         self._form = form = integral_form(marched)
         self._marched = marched = marched if has_stages(form) else marched.dense()
-        self._stages = stage_solver(marched.structure, form, s)
-        self._rule = rule_of(s, tuple(form.orders.tolist()))
+        self._stages = stage_solver(marched.structure, form, s) if has_stages(form) else None
+        self._rule = rule_of(s, form.powers)
         self._graded = form.begins_graded
         self._orders = OrderTables(form.varying, s)
-        self._transforms = shortened_legendre(s)
         y0 = initial_unknowns(marched, form.second == 1, view.directions(directions))
         settle_tangents(system, y0)
         self._orbit = OrbitAndTangents(form, y0, s)
         self._state = initial_state(t_end, *np.abs([self._orbit.p[0], self._orbit.x[0]]))
+        self._control = self._state.control  # a record `CONTROL`
+        self._read_progress()
         self._at_singular_start, self._largest_error, self._kept = True, 0.0, 1
         self._peak = np.zeros((2, marched.d))  # largest |p| and |y| at starts of steps
         self._moved = np.zeros(marched.d)  # sum of |changes of y|
@@ -145,26 +154,22 @@ class AdaptiveStepper(ResumableStepper, TangentStepper, JumpingStepper):
     def _limit_steps(self, t_end):
         """Set the longest step and the largest number of steps from the present time to t_end."""
         self.step_limits.begin(self.t, t_end, self.n_steps)
-        self._control["next"] = min(
-            self._control["next"], floor_to_grid(self.step_limits.longest[0])
-        )
+        longest = floor_to_grid(self.step_limits.longest[0])
+        self._control["next"] = min(self._control["next"], longest)
 
-    @property
-    def t(self):
-        """Time that the march has reached."""
-        return float(self._control["origin"] + self._control["time"])
+    # progress of the march
+    position = property(attrgetter("t"))
 
-    position = t  # progress of the march
-
-    @property
-    def n_steps(self):
-        """Number of accepted steps since t = 0."""
-        return int(self._state.counts["accepted"])
+    def _read_progress(self):
+        """Set `t` and `n_steps` to what the march has reached; records are slow to read."""
+        control = self._state.control
+        self.t = float(control["origin"] + control["time"])
+        self.n_steps = int(self._state.counts["accepted"])
 
     @property
     def n_modes(self):
         """Number of exponential modes with which the memory of each component is computed."""
-        return self._orbit.bank.n_modes
+        return self._orbit.of_varying.size
 
     def _steps(self, t_stop):
         """March towards `t_stop` by a limited number of steps; return dense output or None."""
@@ -237,12 +242,8 @@ class AdaptiveStepper(ResumableStepper, TangentStepper, JumpingStepper):
     def _set_origin(self, t, since=0.0):
         """Count time from t, so that rounding does not hide short steps next to a start."""
         self._control["time"], self._control["origin"] = since, t
+        self.t = float(t + since)
         self._orders.clear()
-
-    @property
-    def _control(self):
-        """Step control of the march, a record `CONTROL`."""
-        return self._state.control
 
     def _closest(self, h):
         """Return the shortest time lag of the modes for steps of length h and shorter ones."""
@@ -256,33 +257,44 @@ class AdaptiveStepper(ResumableStepper, TangentStepper, JumpingStepper):
 
     def _march_on(self, steps, limits):
         """March by ordinary steps in compiled code, filling `steps`; return the status code."""
-        orbit = self._orbit
-        basis = orbit.basis(self._transforms)
-        taken = _, tables = kept_tables.take(basis, self._s, len(self._form.varying))
-        how = self._stages, self._rule, basis, tables, orbit.march_arrays()
+        orbit, s = self._orbit, self._s
+        sums, arrays = orbit.sums, orbit.march_arrays()
+        n_kernels = sums.masses.size
+        taken = spare_tables.take(
+            sums.key, lambda: empty_tables(sums.of_varying.size, s, n_kernels)
+        )
         try:
+            how = self._rule, sums.basis, taken[1], arrays, self._stages
             return self._march(self._marched, steps, limits, *how)
         finally:
-            kept_tables.give_back(taken)
+            spare_tables.give_back(taken)
 
-    def _march(self, marched, steps, limits, stages, rule, basis, tables, arrays):
-        """March a system by any rule in compiled code, filling `steps`; return the status code."""
-        orbit, equations = self._orbit, self._orbit.equations(marched, self._least)
-        columns, shape, d = arrays.modes.shape[:2], arrays.last.shape, marched.d
-        columns = columns[0], columns[1] - equations.unweighted.size * d
-        room = empty_room(columns, shape, stages.stages, rule.check_points.size)
-        operators = empty_operators(*columns, equations.kinds, shape[3])
-        weights = empty_weights(equations, arrays.modes, shape[1], shape[3])
+    def _march(self, marched, steps, limits, rule, basis, tables, arrays, solver):
+        """March a system by any rule in compiled code, filling `steps`; return the status code.
+
+        `solver` is None if the march takes one that has no factors yet.
+        """
+        orbit = self._orbit
+        equations, offsets = orbit.equations(marched, self._least)
         varying = self._orders.compiled(orbit.of_varying)
-        _, status = march_adaptive(march_of(AdaptiveWork(
-            marched.compiled, equations, rule, basis, tables, varying, arrays,
-            self._state, steps, limits, stages.solver, stages.stages, operators, weights, room,
-        )))  # fmt: skip
-        return status
+        taken = _, (own, operators, weights, room) = take_workspace(
+            self._form, arrays.modes, arrays.last.shape[3], offsets, solver
+        )
+        try:
+            _, status = march_adaptive(march_of(AdaptiveWork(
+                marched.compiled, equations, rule, basis, tables, varying, arrays,
+                self._state, steps, limits, own.solver, own.stages, operators, weights, room,
+            )))  # fmt: skip
+            return status
+        finally:
+            self._read_progress()
+            give_back(taken)
 
     def _go_on_from(self, kept, orbit):
         """Continue from the stored state and orbit of a march."""
         self._state, self._orbit = restored_state(kept), orbit
+        self._control = self._state.control
+        self._read_progress()
         self._orbit.adopt(self._form)
         self._orders.clear()
         self._ending, self._error = None, None
@@ -300,18 +312,17 @@ class AdaptiveStepper(ResumableStepper, TangentStepper, JumpingStepper):
         If all trial lengths fail, return None and store the reason in `_ending`.
         """
         orbit, form, t, left = self._orbit, self._form, self.t, t_stop - self.t
-        units, system = np.empty(self._marched.d), self._marched
-        of_run = self._limits(t_stop)
-        set_units_once(orbit.equations(system, self._least), self._sizes, orbit.x[0], of_run, units)
-        limits = self.step_limits.longest[0], self._farthest / _LARGEST_RATIO
-        how = t, left, *limits, self._state.counts, units
-        self._ending, at_rest = TOO_STEEP, _FIRST_AT_REST * self.step_limits.longest[1]
         self._set_origin(t)
+        of_run, jacobian, units = self._at_start(t_stop)
+        longest, idle = self.step_limits.longest
+        least = self._farthest / _LARGEST_RATIO
+        how = t, left, longest, least, jacobian, units
+        self._ending, at_rest = TOO_STEEP, _FIRST_AT_REST * idle
         for trial in trials(self._marched, form, orbit, *how):
             h, variable, sizes = trial.length, trial.variable, self._state.sizes.copy()
             # the last two steps are equal, so that no tiny step remains before the stop
             h = min(h, 0.5 * left) if h < left else h
-            steps, values = self._try_step(h, variable, t_stop, trial.at_edge)
+            steps, values = self._try_step(h, variable, of_run, trial.at_edge)
             if values is not None and h > at_rest and _rests(values[0]):
                 continue
             if values is not None:
@@ -330,36 +341,48 @@ class AdaptiveStepper(ResumableStepper, TangentStepper, JumpingStepper):
             self._ending = of_near_orders(form.generators[0])
         return None
 
-    def _try_step(self, h, variable, t_stop, at_edge):
+    def _at_start(self, t_stop):
+        """Return the `Limits` of a first step, the Jacobian of f there, and units, (d,).
+
+        The units are sizes of the components, for the increments of difference quotients of f.
+        """
+        system, orbit, structure = self._marched, self._orbit, self._marched.structure
+        equations, _ = orbit.equations(system, self._least)
+        limits, units, t = self._limits(t_stop), np.empty(system.d), self.t
+        self._state.counts["rhs"] += 1
+        out = np.empty((system.d, system.d)) if structure is None else structure.entries.copy()
+        where = system.beside(t, 1) if t > 0 else 0.0, orbit.x[0]
+        sizes = self._state.sizes.copy()
+        jacobian_at_start(system.compiled, equations, limits, *where, sizes, units, out)
+        return limits, out if structure is None else structure.matrix(out[VALUES]), units
+
+    def _try_step(self, h, variable, limits, at_edge):
         """Try a first step of length h, with polynomials in the variable u of `variable`.
 
         The compiled march tries the step. The history at the nodes is given to it in place of
         modes.
         """
         orbit, form, n = self._orbit, self._form, variable.n
-        rule = first_rule(variable, tuple(form.orders.tolist()))
-        logs = variable.logs(radau_nodes(n))
-        history = orbit.history(np.log(h) + logs)
+        rule = first_rule(variable, form.powers)
+        history = orbit.history(math.log(h) + node_logs(variable))
         n_kernels, d = len(form.kernels), self._marched.d
-        kernels = [orbit.kernel(k) for k in range(n_kernels)]
-        local = np.array([convolutions(variable, kernel, h) for kernel in kernels])
-        tables = StepTables(
-            np.array([h]), np.eye(n)[None], np.zeros((1, n)), np.zeros((1, n, n)),
-            local.reshape(1, n_kernels, n, n),
-        )  # fmt: skip
-        basis = ExponentialBasis(
-            np.ones(n), np.zeros(0, complex), np.zeros((form.orders.size + n_kernels, n)),
-            np.zeros(n_kernels), np.zeros((n, n, n)),
-        )  # fmt: skip
+        basis, tables = known_at_nodes(n, form.orders.size + n_kernels, n_kernels)
+        tables = tables._replace(lengths=np.full(1, h))
+        if n_kernels:
+            kernels = [orbit.kernel(k) for k in range(n_kernels)]
+            local = np.array([convolutions(variable, kernel, h) for kernel in kernels])
+            tables = tables._replace(local=local[None])
         values = np.zeros((orbit.x.shape[0], 3, d, n))
-        arrays = OrbitArrays(orbit.initial, orbit.x, orbit.p, history, 0.0 * history, values)
+        before = np.zeros(history.shape)
+        arrays = OrbitArrays(orbit.initial, orbit.x, orbit.p, history, before, values)
         self._begin_steps(h, h)
         steps = empty_steps(1, self._kept * d, n)
-        marched = self._marched.dense() if at_edge else self._marched
-        solver = stage_solver(marched.structure, form, n, at_edge)
-        solver.stages.control[AT_EDGE] = float(at_edge)
-        how = solver, rule, basis, tables, arrays
-        limits = self._limits(t_stop)
+        marched, solver = self._marched, None
+        if at_edge or has_stages(form):
+            marched = marched.dense() if at_edge else marched
+            solver = stage_solver(marched.structure, form, n, at_edge)
+            solver.stages.control[AT_EDGE] = float(at_edge)
+        how = rule, basis, tables, arrays, solver
         limits = limits._replace(**self.allowed.of_first_step(variable.q)._asdict())
         status = self._march(marched, steps, limits, *how)
         return steps, values if status in (FULL, REACHED) else None
@@ -571,7 +594,7 @@ class AdaptiveStepper(ResumableStepper, TangentStepper, JumpingStepper):
         if of_y and self.system.frame.speeds and self.system.algebraic.any():
             required = "change no y where the matrix in front of a derivative has rows of zeros"
             refuse(moving, required, kinds, "state coefficients of shape (d,)")
-        if of_y and any(operator.from_zero for operator, _ in self.system.left):
+        if of_y and self.system.from_zero:
             required = "change no y beside RiemannLiouville, which takes jumps for derivatives"
             refuse(moving, required, kinds)
 

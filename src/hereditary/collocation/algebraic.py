@@ -92,9 +92,9 @@ def check_start(system, rtol, atol):
     """
     if system.d > 1:
         _name_tiny(system, rtol)
-    rows, columns = _unknowns(system)
-    if rows.size == 0:
+    if not system.has_algebraic:
         return
+    rows, columns = _unknowns(system)
     x, t = system.at_start, system.beside(0.0, 1)
     _check_index(system, t, x, rows, columns)
     force, noise = _residual(system, t, x, rows, rtol)
@@ -195,9 +195,9 @@ def settle_tangents(system, values):
     `values` (1 + k, m, d) are the initial values of the orbit and of k tangents, changed in place.
     Nothing is changed if f reads memory, because unknowns may then be derivatives.
     """
-    bare = np.flatnonzero(system.algebraic)
-    if bare.size == 0 or len(values) == 1 or system.read.any():
+    if len(values) == 1 or system.reads or not system.has_algebraic:
         return
+    bare = np.flatnonzero(system.algebraic)
     t, y, tangents = system.beside(0.0, 1), values[0, 0], values[1:, 0]
     rows = _jacobian(system, t, y, bare)
     if not _regular(rows[:, bare]):  # the rows may be singular at the start alone

@@ -40,7 +40,7 @@ _APART = 1e-9
 _MOST_IN_SUM = 4
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Form:
     """Integral equations of a system.
 
@@ -109,6 +109,17 @@ class Form:
         subtracted = bool((self.terms["row"] >= d).any()) or bool(self.algebraic.any())
         return 2 * d if subtracted else d
 
+    @cached_property
+    def powers(self) -> tuple[float, ...]:
+        """The orders of integration as numbers."""
+        return tuple(self.orders.tolist())
+
+    @cached_property
+    def layout(self) -> tuple:
+        """What the shapes of a march's work arrays depend on, and the kinds of the components."""
+        sizes = self.n_rows, self.n_integrands, self.unweighted.size
+        return *sizes, self.kinds.tobytes(), self.second.tobytes()
+
     @property
     def algebraic(self) -> np.ndarray:
         """True for components without terms, whose equation is 0 = f; shape (d,)."""
@@ -142,12 +153,12 @@ class Form:
             return np.zeros(0, dtype=np.int64)
         return np.unique(self.terms["integrand"][self.terms["index"] >= first])
 
-    @property
+    @cached_property
     def begins_graded(self) -> bool:
         """Whether a run begins with tiny steps: no change of variable smooths its start."""
         return bool(self.varying) or self.solves_slopes
 
-    @property
+    @cached_property
     def solves_slopes(self) -> bool:
         """Whether any component has p' as an integrand and an implicit row."""
         d, slopes = self.second.size, self.terms["integrand"] == SLOPE
@@ -228,7 +239,7 @@ def integral_form(system: System) -> Form:
     """Return the integral equations of a system whose derivatives have orders in (0, 2]."""
     if not system.constant or system.d > FEW:
         return _form_of(system)
-    return _kept_form(tuple((op, tuple(own.tolist())) for op, own in system.left), system.m)
+    return _kept_form(system.terms_key, system.m)
 
 
 @lru_cache(maxsize=256)

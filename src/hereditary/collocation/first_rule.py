@@ -10,6 +10,7 @@ same accuracy. A stiff solution of tiny order g changes where c t**g is about 1.
 1 / (1 + c t**g), which is linear in v.
 """
 
+import math
 from functools import lru_cache
 from typing import NamedTuple
 
@@ -17,8 +18,9 @@ import numpy as np
 from numpy.polynomial.legendre import leggauss
 from scipy.special import rgamma
 
+from ..compiled.jit import checked
 from .quadrature import check_points_of, legendre_values, radau_nodes, to_legendre
-from .structures import Rule
+from .structures import ExponentialBasis, Rule, StepTables
 
 # Width of the interval next to a singular end of [0, 1] that the graded rule leaves out. Kernels
 # are integrated over it in closed form.
@@ -103,7 +105,31 @@ def first_rule(variable, orders):
     unused = np.full((variable.n, variable.n), np.nan)  # equations with p' begin with tiny steps
     parts = np.exp(logs), integrals, to_legendre(variable.n), unused, np.exp(logs_of_looks), seen
     looked = functions(variable, logs_of_looks)
-    return Rule(*(np.array(part, order="C") for part in (*parts, looked)))
+    return checked(Rule(*(np.array(part, order="C") for part in (*parts, looked))))
+
+
+@lru_cache(maxsize=64)
+def node_logs(variable):
+    """Return log(t) at the nodes of a first step, (n,)."""
+    return variable.logs(radau_nodes(variable.n))
+
+
+@lru_cache(maxsize=16)
+def known_at_nodes(n, n_weights, n_kernels):
+    """Return the basis and the tables of a first step whose history is known at its n nodes.
+
+    Each node has a mode of its own, whose decay to the other nodes is 0. The march then reads the
+    history at the nodes as the modes. There are `n_weights` orders and kernels, n_kernels of them
+    kernels. The length of the step, and convolutions with kernels, are to be filled in.
+    """
+    basis = ExponentialBasis(
+        np.ones(n), np.zeros(0, complex), np.zeros((n_weights, n)), np.zeros(n_kernels),
+        np.zeros((n, n, n)),
+    )  # fmt: skip
+    local = np.zeros((1, n_kernels, n, n))
+    return checked(basis), StepTables(
+        np.zeros(1), np.eye(n)[None], np.zeros((1, n)), np.zeros((1, n, n)), local
+    )
 
 
 def means(variable, orders, logs):
@@ -148,6 +174,12 @@ def convolutions(variable, kernel, h):
 
 
 @lru_cache(maxsize=16)
+def at_points(variable, name):
+    """Return the n Lagrange polynomials in u at the points of `rule_of_modes`, (n, k)."""
+    return np.ascontiguousarray(functions(variable, np.log(_rule_of_modes(*name)[0])).T)
+
+
+@lru_cache(maxsize=16)
 def at_rule(variable):
     """Return the n Lagrange polynomials in u at the k points of `graded_rule`, (k, n)."""
     return functions(variable, np.log(graded_rule()[0]))
@@ -165,3 +197,41 @@ def graded_rule():
     half = (ends[:-1, None] + widths * (1 + x) / 2).ravel()
     weights = (widths * w / 2).ravel()
     return np.concatenate([half, 1 - half]), np.concatenate([1 - half, half]), np.tile(weights, 2)
+
+
+def rule_of_modes(n, fastest):
+    """Return a rule on [0, 1] for polynomials of u in n nodes times decays towards the end.
+
+    The decays are exponentials of rates up to `fastest`, so panels next to the end need not be
+    shorter than they decay. The results are a key of the rule, and what `graded_rule` returns.
+    """
+    # the last panel is not longer than two decay times of the fastest rate
+    key = n <= _NODES, min(max(math.ceil(math.log(max(fastest, 1.0), 4)), 3), 26)
+    return key, *_rule_of_modes(*key)
+
+
+@lru_cache(maxsize=64)
+def _rule_of_modes(smooth, n_ends):
+    """Return the rule with `n_ends` panels between the middle and the end.
+
+    Panels next to the start have fewer points the shorter they are, if `smooth` is true: the
+    polynomials have no more than 24 nodes.
+    """
+    x, of_x = _side(LEFT_OUT, [max(4, 16 - k // 2) if smooth else 16 for k in range(26)])
+    v, of_v = _side(0.0, [16] * n_ends)
+    return np.concatenate([x, 1 - v]), np.concatenate([1 - x, v]), np.concatenate([of_x, of_v])
+
+
+def _side(least, numbers):
+    """Return points and weights on [least, 1/2], of which each panel is a quarter as long.
+
+    `numbers` are those of the points in the panels, beginning with the longest.
+    """
+    ends = [0.5 * 0.25**k for k in range(len(numbers))] + [least]
+    points, weights = [], []
+    for k, number in enumerate(numbers):
+        x, w = leggauss(number)
+        width = ends[k] - ends[k + 1]
+        points.append(ends[k + 1] + width * (1 + x) / 2)
+        weights.append(width * w / 2)
+    return np.concatenate(points), np.concatenate(weights)

@@ -6,12 +6,15 @@ subtracted from its f. The primary unknown p is y, or y' for orders above 1. `m`
 `AdaptiveWork`, `m.room` its workspace.
 """
 
+from functools import lru_cache
+
 import numpy as np
 
 from ..compiled.jacobian import LEAST
-from ..compiled.jit import VEC, as_value, compiled_type, entry, inner, plug_in
+from ..compiled.jit import F8, MAT, VEC, as_value, compiled_type, entry, inner, plug_in
 from ..compiled.linalg import clear_matrix, put, put_cube, put_matrix
 from ..compiled.reference import Reference
+from ..compiled.signatures import RIGHT_SIDE
 from .edge import solve_at_edge
 from .error_estimate import orbit_error, tangents_error
 from .mode_tables import (
@@ -46,7 +49,7 @@ from .structures import (
     Equations,
     Limits,
 )
-from .tolerances import raise_small, raise_to_least, set_newton_goal
+from .tolerances import SMALL, raise_small, raise_to_least, set_newton_goal
 
 
 @inner
@@ -150,10 +153,19 @@ def set_units(equations, sizes, x, limits, out):
         out[c] = unit if unit > LEAST else 1.0
 
 
-@entry(Reference(compiled_type(Equations)), VEC, VEC, Reference(compiled_type(Limits)), VEC)
-def set_units_once(equations, sizes, x, limits, out):
-    """Call the compiled function `set_units` from Python, for the first step after a start."""
-    set_units(equations, sizes, x, limits, out)
+_EQUATIONS, _LIMITS = Reference(compiled_type(Equations)), Reference(compiled_type(Limits))
+
+
+@entry(RIGHT_SIDE, _EQUATIONS, _LIMITS, F8, VEC, VEC, VEC, MAT)
+def jacobian_at_start(right, equations, limits, t, x, sizes, units, out):
+    """Set `out` to the Jacobian of f at (t, x) before a first step.
+
+    It also sets `units` as `set_units` does, and `sizes` (d,) are
+    raised to the least ones next to the largest component.
+    """
+    raise_small(equations.quantities, SMALL, sizes)
+    set_units(equations, sizes, x, limits, units)
+    right.jacobian(right.user, t, x, units, out)
 
 
 @inner
@@ -300,11 +312,17 @@ def march_of(work):
 
     Functions for tangents, varying orders and general kernels do nothing if there are none.
     """
-    tangents = solve_for_tangents if work.orbit.x.shape[0] > 1 else no_tangents
-    reading = read_varying if work.varying.integrals.shape[0] > 0 else read_nothing
-    filling = fill_kernels if work.basis.masses.size > 0 else fill_nothing
+    has_tangents, varies = work.orbit.x.shape[0] > 1, work.varying.integrals.shape[0] > 0
+    return AdaptiveMarch(work, *_functions(has_tangents, varies, work.basis.masses.size > 0))
+
+
+@lru_cache(maxsize=8)
+def _functions(has_tangents, varies, has_kernels):
+    tangents = solve_for_tangents if has_tangents else no_tangents
+    reading = read_varying if varies else read_nothing
+    filling = fill_kernels if has_kernels else fill_nothing
     how = as_value(tangents, TANGENTS_SIG), as_value(reading, READING_SIG)
-    return AdaptiveMarch(work, *how, as_value(filling, FILLING_SIG))
+    return *how, as_value(filling, FILLING_SIG)
 
 
 @inner

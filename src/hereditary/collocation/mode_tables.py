@@ -11,12 +11,12 @@ an `AdaptiveWork`. A column is an index of the orbit, 0, or a tangent, 1 to k.
 """
 
 import math
-import threading
 
 import numpy as np
 
-from ..compiled.jit import inner, plug_in
+from ..compiled.jit import checked, inner, plug_in
 from ..compiled.linalg import add_rows, clear, clear_matrix, multiply_modes, put
+from ..support.spares import Spares
 from .operators import first_of_kind, number_of
 from .structures import ModeWeights, StepTables
 
@@ -30,7 +30,7 @@ _DIGITS = 2.0**12
 SLOTS = 64
 # Largest number of tables that remain in storage for later runs. Each table has the factors of up
 # to 64 step lengths, a few hundred kB.
-_MOST = 8
+_TABLES_MAX = 8
 # Argument z from which exp(-z) is replaced by 0.
 _UNDERFLOW = 700.0
 # Argument x below which, up to rounding, the scaled Bessel functions of orders 0, 1 and higher are
@@ -41,14 +41,14 @@ _SMALL = 1e-8
 _SEED = 1e-200 + 0j
 
 
-def empty_weights(equations, modes, n_integrands, s):
-    """Return uninitialised `ModeWeights` for `modes` (1 + k, R, M) and a rule of s nodes.
+def empty_weights(form, modes, offsets, s):
+    """Return uninitialised `ModeWeights` for modes of the shape (1 + k, R, M) and s nodes.
 
-    If all offsets are 0, the array of their weights has no rows.
+    If all offsets are 0, `offsets` is false, and the array of their weights has no rows.
     """
-    n_columns, n_rows, n_modes = modes.shape
-    n_kept = n_rows // equations.kinds.size * (int(equations.kinds.max()) + 1)
-    n_offsets = n_rows if equations.offsets.any() else 0
+    (n_columns, n_rows, n_modes), n_integrands = modes, form.n_integrands
+    n_kept = n_rows // form.kinds.size * (int(form.kinds.max()) + 1)
+    n_offsets = n_rows if offsets else 0
     return ModeWeights(
         np.empty((n_kept, n_integrands, n_modes)), np.empty((n_kept, n_integrands), np.int64),
         np.empty((n_columns, n_offsets, n_modes)), np.empty(n_modes), np.empty(s),
@@ -58,7 +58,7 @@ def empty_weights(equations, modes, n_integrands, s):
 def empty_tables(n_modes, s, n_kernels):
     """Return `StepTables` without the factors of any length, for s nodes and n_kernels kernels."""
     slots = (SLOTS, n_modes, s), (SLOTS, n_modes), (SLOTS, s, n_modes), (SLOTS, n_kernels, s, s)
-    return StepTables(np.zeros(SLOTS), *(np.empty(shape) for shape in slots))
+    return checked(StepTables(np.zeros(SLOTS), *(np.empty(shape) for shape in slots)))
 
 
 @inner
@@ -334,37 +334,7 @@ def turning_legendre(z, n, out):
         out[k] /= total + value
 
 
-class KeptTables:
-    """Cache of `StepTables` that no march uses at present.
-
-    A march removes a table and returns it at its end, so two marches never write to the same table.
-    Factors depend only on the step length, the nodes, the rates and the kernels. So results do not
-    depend on which lengths a table contains already.
-    """
-
-    def __init__(self):
-        self._kept, self._lock = [], threading.Lock()
-
-    def take(self, basis, s, n_varying):
-        """Remove and return a key and a table for the modes of `basis` on s nodes.
-
-        If the cache has no such table, the table is new. The pair is the argument of `give_back`.
-        """
-        n_kernels = basis.masses.size - n_varying
-        of_kernels = basis.weights[basis.weights.shape[0] - basis.masses.size :][:n_kernels]
-        parts = basis.rates, basis.pairs, of_kernels, basis.masses[:n_kernels]
-        key = s, n_varying, *(part.tobytes() for part in parts)
-        with self._lock:
-            for place in reversed(range(len(self._kept))):
-                if self._kept[place][0] == key:
-                    return self._kept.pop(place)
-        return key, empty_tables(basis.weights.shape[1], s, basis.masses.size)
-
-    def give_back(self, taken):
-        """Put the key and the table that `take` returned into the cache, for later marches."""
-        with self._lock:
-            self._kept.append(taken)
-            del self._kept[:-_MOST]
-
-
-kept_tables = KeptTables()
+# Tables that no march uses at present. Factors depend only on the step length, the nodes, the rates
+# and the kernels, which are the key of a table. So results do not depend on which lengths a table
+# contains already.
+spare_tables = Spares(_TABLES_MAX)

@@ -60,7 +60,7 @@ def _absolute(atol, n):
 
 def _check_end(t_end, system):
     """Refuse a t_end whose powers up to the highest order exceed the range of double precision."""
-    farthest = _FARTHEST ** (1 / max(1.0, float(system.highest_orders().max())))
+    farthest = _FARTHEST ** (1 / max(1.0, system.highest_order))
     interval = f"[{1 / _FARTHEST:g}, {farthest:g}]"
     within("t_end", t_end, 1 / _FARTHEST, farthest, interval, "take another unit of time")
 

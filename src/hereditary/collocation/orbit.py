@@ -16,14 +16,15 @@ import math
 import numpy as np
 from scipy.special import rgamma
 
+from ..compiled.jit import checked
 from ..compiled.linalg import product
 from ..kernels.memory_kernel import NO_ERRORS
-from ..kernels.mode_bank import Bank, damping
-from .exponential_basis import NO_KERNELS, NO_POWER_LAWS, kernel_basis, power_law_basis
+from ..kernels.mode_bank import damping
+from .exponential_basis import kernel_basis
 from .first_rule import LEFT_OUT, NEXT_TO_0, Variable, at_rule, graded_rule
+from .modes import joined, no_modes, opened, opened_once, over_step
 from .operators import ITSELF, SLOPE
-from .structures import Equations, ExponentialBasis, OrbitArrays
-from .varying import NOTHING_VARIES, varying_basis
+from .structures import Equations, OrbitArrays
 
 
 class OrbitAndTangents:
@@ -51,17 +52,9 @@ class OrbitAndTangents:
         modes are ordered as in `bank`.
     last : ndarray, shape (1 + k, 3 or 4, d, s)
         f, p and y, and p' where it is an integrand, at the nodes of the last ordinary step.
-    power_laws : PowerLawBasis
-    kernels : KernelBasis
-    varying : VaryingBasis
-    bank : Bank
-        The sums of power laws, general kernels and varying orders, in this order. Varying orders
-        have weights of 0 there.
-    of_varying : ndarray, shape (M,)
-        1 for the modes of varying orders, 0 for others.
-    weights, masses : ndarray, shape (n_a + n_k, M) and (n_k,)
-        Weights of the modes for each of n_a fractional integrals and n_k kernels, and point masses
-        of the kernels at time lag 0. Varying orders are counted in n_k and have zeros.
+    sums : Modes
+        The sums of exponentials; its fields power_laws, kernels, varying, bank, weights, masses and
+        of_varying are attributes of the orbit as well.
     """
 
     def __init__(self, form, y0, n_nodes):
@@ -76,11 +69,9 @@ class OrbitAndTangents:
         self._n_rows = form.n_rows + d * form.unweighted.size
         self.modes = self.before = np.zeros((n_columns, self._n_rows, 0))
         self.last = np.zeros((n_columns, form.n_integrands, d, n_nodes))
-        self.power_laws = NO_POWER_LAWS
-        self.kernels = NO_KERNELS
-        self.varying = NOTHING_VARIES
         self.last_length, self._singular, self._prefitted = 0.0, None, None
-        self._join()
+        self._equations = None
+        self._take(no_modes(form, n_nodes))
 
     def _of_terms(self, constants):
         """Return the constant subtracted from the integrand of each term, (1 + k, n).
@@ -103,40 +94,42 @@ class OrbitAndTangents:
     def __getstate__(self):
         """Return the attributes for pickling.
 
-        The form is left out because its functions may not pickle, and arrays that `_join` computes.
+        The form is left out because its functions may not pickle, and what `adopt` makes again.
         """
-        left_out = ("bank", "weights", "masses", "of_varying", "_form")
+        left_out = ("sums", "bank", "weights", "masses", "of_varying", "_form", "_equations")
         return {name: value for name, value in vars(self).items() if name not in left_out}
 
     def adopt(self, form):
         """Attach the form, which a pickled orbit does not contain."""
-        self._form = form
-        self._join()
+        self._form, self._equations = form, None
+        self._join(self.power_laws, self.kernels, self.varying)
 
-    def _join(self):
-        """Merge the modes of power laws, general kernels and varying orders into one bank."""
-        n_varying, size = len(self._form.varying), self.varying.rates.size
-        varying = Bank(self.varying.rates, np.zeros((n_varying, size)))
-        self.bank = bank = Bank.of([self.power_laws, *self.kernels.sums, varying])
-        self.weights = bank.real_modes(bank.weights)
-        self.masses = np.append(self.kernels.masses, np.zeros(n_varying))
-        self.of_varying = np.zeros(bank.n_modes)
-        self.of_varying[bank.n_real - size : bank.n_real] = 1.0
+    def _join(self, *sums):
+        """Take sums of power laws, general kernels and varying orders as the modes."""
+        self._take(joined(self._form, self.last.shape[3], *sums))
 
-    def basis(self, transforms):
-        """Return the modes as an `ExponentialBasis`, with its field `transforms`."""
-        rates, n = self.bank.rates, self.bank.n_real
-        parts = np.ascontiguousarray(rates[:n].real), rates[n:].astype(complex)
-        return ExponentialBasis(*parts, self.weights, self.masses, transforms)
+    def _take(self, sums):
+        """Take these `Modes`."""
+        self.sums = sums
+        self.power_laws, self.kernels, self.varying = sums.power_laws, sums.kernels, sums.varying
+        self.bank, self.weights, self.masses = sums.bank, sums.weights, sums.masses
+        self.of_varying = sums.of_varying
 
     def equations(self, system, least):
-        """Return the integral equations of the system as `Equations` for compiled code.
+        """Return the integral equations of the system as `Equations`, and if any offset is not 0.
 
-        `least` has the fields `sources`, `least` and `divisors` of `Equations`.
+        `least` has the fields `sources`, `least` and `divisors` of `Equations`. The equations are
+        made once for a system, and again after a jump, which changes the offsets.
         """
-        form = self._form
-        parts = form.terms, form.orders, form.second, self.offsets, form.implicit, form.unweighted
-        return Equations(*parts, form.kinds, system.units, system.quantities, *least)
+        known = self._equations
+        if known is None or known[0] is not system or known[1].offsets is not self.offsets:
+            form = self._form
+            found = Equations(
+                form.terms, form.orders, form.second, self.offsets, form.implicit,
+                form.unweighted, form.kinds, system.units, system.quantities, *least,
+            )  # fmt: skip
+            self._equations = known = system, checked(found), bool(self.offsets.any())
+        return known[1:]
 
     def march_arrays(self):
         """Return the arrays as `OrbitArrays`; compiled code changes them in place."""
@@ -176,19 +169,17 @@ class OrbitAndTangents:
         `t_end` is the largest time lag of kernels given by values, and `tol` the relative error.
         """
         closest = _round_to_decades(closest, farthest)
-        self.power_laws = power_law_basis(self._form.orders.tolist(), closest, farthest, tol)
-        if self._prefitted and self._prefitted[0] <= closest:
-            self.kernels = self._prefitted[1]
+        how = self._form, self.last.shape[3], closest, farthest, t_end, tol
+        if not self._prefitted:
+            self._take(opened_once(*how))
         else:
-            self.kernels = kernel_basis(self._form.kernels, closest, farthest, t_end, tol)
-        if self._form.varying:
-            self.varying = varying_basis(closest, farthest, tol)
-        self._join()
+            kernels = self._prefitted[1] if self._prefitted[0] <= closest else None
+            self._take(opened(*how, kernels))
         self._clear_modes()
 
     def _clear_modes(self):
         """Set all modes to their values at t = 0."""
-        self.modes = np.zeros((self.x.shape[0], self._n_rows, self.bank.n_modes))
+        self.modes = np.zeros((self.x.shape[0], self._n_rows, self.of_varying.size))
         self._take_start(slice(None))
         self.before = self.modes.copy()
 
@@ -206,7 +197,8 @@ class OrbitAndTangents:
         """
         self.last_length, self._singular = length, (variable, values)
         self._last_offsets = self.offsets
-        if np.any(self.power_laws.rates[:1] == 0.0):  # see absorb_constant_mode
+        rates = self.power_laws.rates
+        if rates.size and rates[0] == 0.0:  # see absorb_constant_mode
             d = self.x.shape[1]
             self.initial += self.modes[:, :d, 0]
             self.modes[:, :d, 0] = 0.0
@@ -240,10 +232,10 @@ class OrbitAndTangents:
         The added modes decay so fast that they contain only the last step.
         """
         n, end = self.power_laws.rates.size, self.bank.n_real
-        self.power_laws = self.power_laws.refine(closest)
+        power_laws, varying = self.power_laws.refine(closest), self.varying
         if self._form.varying:
-            self.varying = self.varying.refine(closest)
-        self._join()
+            varying = varying.refine(closest)
+        self._join(power_laws, self.kernels, varying)
         more, in_all = self.power_laws.rates.size - n, self.bank.n_real - end
         places = np.repeat([n, end], [more, in_all - more])
         self.modes, self.before = (
@@ -313,59 +305,52 @@ class OrbitAndTangents:
 
     def _integrands(self):
         """Return the last step's integrands at n points of `graded_rule`, (1 + k, n_q, d, n)."""
-        values, functions = self._nodal()
-        return values @ functions.T
+        variable, values = self._nodal()
+        return values @ at_rule(variable).T
 
     def _nodal(self):
-        """Return the last step's integrands at its s nodes, (1 + k, n_q, d, s), and interpolation.
+        """Return the variable of the last step, which is time itself for an ordinary step.
 
-        The latter are the Lagrange functions of the nodes at the n points of `graded_rule`, (n, s).
+        Also returns its integrands at the s nodes, (1 + k, n_q, d, s).
         """
-        if self._singular is not None:
-            variable, values = self._singular
-            return values, at_rule(variable)
-        return self.last, at_rule(Variable(n=self.last.shape[-1]))
+        return self._singular or (Variable(n=self.last.shape[-1]), self.last)
 
     def _advanced(self, modes):
         """Return the modes at the end of the last step, from those at its start, (1 + k, R, M)."""
         bank, d = self.bank, self.x.shape[1]
-        rates = bank.rates * self.last_length
-        values, functions = self._nodal()
-        _, v, rule = graded_rule()
-        damped, weights = bank.real_modes(damping(rates, v), axis=0), self.last_length * rule
-        integrals, of_one = _integrals(values, functions, weights, damped), damped @ weights
-        advanced = bank.complex_modes(modes) * np.exp(-rates)
+        variable, values = self._nodal()
+        step = over_step(bank, variable, self.last_length)
+        integrals = _integrals(values, step.sampled, step.decays)
+        advanced = bank.complex_modes(modes) * step.at_end
         for b, q in enumerate(self._form.unweighted):
             part = bank.complex_modes(self.of_varying * integrals[:, q])
             advanced[:, (2 + b) * d : (3 + b) * d] += part
         for q, k, coefficient, rows, numbers in self._form.groups:
             if k == ITSELF:
                 continue
-            offsets = np.multiply.outer(self._last_offsets[:, numbers], of_one)
+            offsets = np.multiply.outer(self._last_offsets[:, numbers], step.integrals)
             part = bank.complex_modes(integrals[:, q, rows % d] - offsets)
             advanced[:, rows] += coefficient * bank.weights[k] * part
         return bank.real_modes(advanced)
 
 
-def _integrals(values, functions, weights, damped):
+def _integrals(values, sampled, decays):
     """Return the integrals of integrands times exponentials by a rule of K points.
 
     The result is (1 + k, n_q, d, M) for M modes. `values` (1 + k, n_q, d, n) are the integrands at
-    n nodes, `functions` (K, n) interpolates them to the points. `weights` (K,) are those of the
-    rule, `damped` (M, K) the exponentials. The order of the two matrix products depends on the
-    number of integrands, to save operations.
+    n nodes; `sampled` (n, K) and `decays` (M, K) are those of `OverStep`. The order of the two
+    matrix products depends on the number of integrands, to save operations.
     """
     nodal = np.ascontiguousarray(values.reshape(-1, values.shape[-1]))
-    found = np.empty((nodal.shape[0], damped.shape[0]))
+    found = np.empty((nodal.shape[0], decays.shape[0]))
     if nodal.shape[0] < nodal.shape[1]:
-        sampled = np.empty((nodal.shape[0], weights.size))
-        product(nodal, functions.T, sampled)
-        sampled *= weights
-        product(sampled, damped.T, found)
+        at_points = np.empty((nodal.shape[0], decays.shape[1]))
+        product(nodal, sampled, at_points)
+        product(at_points, decays.T, found)
     else:
-        gains = np.empty((damped.shape[0], nodal.shape[1]))
-        product(damped, functions * weights[:, None], gains)
-        product(nodal, gains.T, found)
+        gains = np.empty((sampled.shape[0], decays.shape[0]))
+        product(sampled, decays.T, gains)
+        product(nodal, gains, found)
     return found.reshape(*values.shape[:-1], -1)
 
 

@@ -90,11 +90,11 @@ class FirstPiece(Piece):
         Without `slopes`, y' is NaN if it is not p.
         """
         p, n = self.row[:, -1], self.variable.n
-        y, steep = p, np.full(p.size, np.nan)
-        if np.any(second):
+        y, steep = p, np.nan
+        if second.any():
             mean = self.row @ means_at_nodes(self.variable)[-1]
             y = np.where(second, self.y + self.length * mean, p)
-        if slopes and not np.all(second):
+        if slopes and not second.all():
             weights = _end_weights(n)[1] * (self.variable.slopes(np.ones(1)) / self.length)
             steep = (self.row - self._first_value(self.row)[:, None]) @ weights
         return y[None][chosen], np.where(second, p, steep)[None][chosen]
@@ -192,10 +192,12 @@ class PolynomialPieces(Piece):
     def at_ends(self, ends, chosen, second, slopes=True):
         """Return y and y' at the chosen ends of steps."""
         rows, h = self.rows[chosen], self.lengths[chosen, None]
-        p, s = rows[:, :, -1], self.rows.shape[2]
+        p, s, some = rows[:, :, -1], self.rows.shape[2], second.any()
+        if not slopes and not some:
+            return p, np.full(p.shape, np.nan)
         of_start, of_rows, integral = _end_weights(s)
         slopes = (self.at_starts[chosen, 1] * of_start + rows @ of_rows) / h
-        if not second.any():
+        if not some:
             return p, slopes
         position = self.at_starts[chosen, 0] + h * (rows @ integral)
         return np.where(second, position, p), np.where(second, p, slopes)

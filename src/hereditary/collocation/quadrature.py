@@ -10,6 +10,7 @@ import numpy as np
 from numpy.polynomial import legendre as leg
 from scipy.special import rgamma, roots_jacobi
 
+from ..compiled.jit import checked
 from .structures import Rule
 
 # Number of Chebyshev orders a at which the integrals J**a are tabulated. Between these orders the
@@ -88,7 +89,7 @@ def rule_of(s, orders):
     """Return the `Rule` of s nodes with fractional integrals of these orders; the last one is 1."""
     singular = integrals_of_rows(s, np.repeat(np.array(orders)[:, None], s, axis=1))
     matrices = radau_nodes(s), singular, to_legendre(s), _slopes(s)
-    return Rule(*(np.array(part) for part in (*matrices, *check_points(s))))
+    return checked(Rule(*(np.array(part) for part in (*matrices, *check_points(s)))))
 
 
 @lru_cache(maxsize=16)

@@ -385,7 +385,9 @@ class _Reduction:
 
 def is_read(system):
     """Return whether a system has memory that further components replace."""
-    return bool(system.read.any()) or any(in_stages(operator) for operator, _ in system.left)
+    if system.constant:
+        return system.reads
+    return system.reads or any(in_stages(operator) for operator, _ in system.left)
 
 
 def in_stages(operator):

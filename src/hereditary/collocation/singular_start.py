@@ -5,6 +5,7 @@ start are sums of generators.
 """
 
 import math
+from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
@@ -55,7 +56,7 @@ class Trial(NamedTuple):
     at_edge: bool = False
 
 
-def trials(system, form, orbit, t, left, longest, least, counts, units):
+def trials(system, form, orbit, t, left, longest, least, jacobian, units):
     """Yield the `Trial` steps from t, until one is accepted.
 
     Parameters
@@ -65,14 +66,12 @@ def trials(system, form, orbit, t, left, longest, least, counts, units):
     orbit : OrbitAndTangents
     t, left, longest, least : float
         Start, time to the next stop, longest step, and length that every step must exceed.
-    counts : record of `COUNTS`
-        Its number of calls of the right-hand side is increased.
+    jacobian : ndarray or sparse array, shape (d, d)
+        That of f at the start, or just after it.
     units : ndarray, shape (d,)
         Sizes of the components, for the increments of difference quotients of f.
     """
-    counts["rhs"] += 1
     just_after = system.beside(t, 1) if t > 0 else 0.0
-    jacobian = system.derivative(just_after, orbit.x[0], units)
     smallest = form.generators[0]
     most = min(left / 16, longest, _OF_LAST * (orbit.last_length or np.inf))
     yield from _trials_at_edge(system, form, most, just_after, orbit.x[0], units, jacobian)
@@ -81,21 +80,28 @@ def trials(system, form, orbit, t, left, longest, least, counts, units):
         c = math.sqrt(rates[0] * rates[-1]) * h**smallest
         if c >= _LEAST_BENT:
             yield Trial(h, _bent(form.generators, c))
-    rate, order = _rate(system, form, orbit, jacobian, just_after), _order(form)
+    (order, variables), rate = _plain(form), _rate(system, form, orbit, jacobian, just_after)
     # over the first trial step the solution changes by about half of its size
     first = most if rate * most**order < 0.5 else (0.5 / rate) ** (1 / order)
+    for generators, variable, of_terms in variables:
+        h = first
+        while t + h > t and h > least:
+            yield Trial(h, variable)
+            h *= _SHORTER
+        h = most
+        while of_terms * h ** generators[0] >= _LEAST_BENT and t + h > t and h > least:
+            yield Trial(h, _bent(generators, of_terms * h ** generators[0]))
+            h *= _MUCH_SHORTER
+
+
+@lru_cache(maxsize=64)
+def _plain(form):
+    """Return the order of a form, and (generators, variable, rate of terms) of plain trials."""
     # a power with an exponent next to 0 is nearly constant compared with other powers
     others = tuple(g for g in form.generators if g >= VANISHING)
     kinds = {form.generators, others if others[0] < 1.0 else form.generators}
-    for generators in sorted(kinds):
-        h = first
-        while t + h > t and h > least:
-            yield Trial(h, Variable.of(generators))
-            h *= _SHORTER
-        h, rate = most, _rate_of_terms(form, generators[0])
-        while rate * h ** generators[0] >= _LEAST_BENT and t + h > t and h > least:
-            yield Trial(h, _bent(generators, rate * h ** generators[0]))
-            h *= _MUCH_SHORTER
+    variables = [(own, Variable.of(own), _rate_of_terms(form, own[0])) for own in sorted(kinds)]
+    return _order(form), variables
 
 
 def _trials_at_edge(system, form, most, *at):

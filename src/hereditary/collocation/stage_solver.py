@@ -11,7 +11,7 @@ import numpy as np
 
 from ..compiled.callbacks import lapack_address
 from ..compiled.jacobian import FEW
-from ..compiled.jit import as_value
+from ..compiled.jit import as_value, checked
 from ..compiled.linalg import address_of_factors
 from ..compiled.sparse_solvers import SparseFactors
 from .stages import (
@@ -141,4 +141,4 @@ def _solver(function, kinds, s, held=None, *, order, **given):
         control=np.zeros(N_CONTROL),
         **(dict.fromkeys(numbers_of, 0) | none | given),
     )
-    return StageSolver(as_value(function, STAGES_SIG), stages, held)
+    return StageSolver(as_value(function, STAGES_SIG), checked(stages), held)

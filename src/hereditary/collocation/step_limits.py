@@ -33,7 +33,7 @@ class StepLimits:
 
     Attributes
     ----------
-    longest : ndarray, shape (2,)
+    longest : tuple of float
         The longest step, and the longest step while the solution is at rest [time].
     last_step : int
         Number of the last step allowed, counted from t = 0.
@@ -41,20 +41,23 @@ class StepLimits:
 
     def __init__(self, max_step, max_steps):
         self._max_step, self._max_steps = max_step or np.inf, max_steps
-        self.longest, self.last_step = np.zeros(2), 0
+        self.longest, self.last_step = (0.0, 0.0), 0
         self._slow: list[float] = []
         self._t_end = np.inf
 
     def begin(self, t, t_end, n_steps):
         """Set the limits of a run from t to t_end, if `n_steps` steps were accepted before t."""
         longest, self._t_end = min(self._max_step, t_end - t), t_end
-        self.longest = np.array([longest, min(longest, _DORMANT * (t_end - t))])
+        self.longest = longest, min(longest, _DORMANT * (t_end - t))
         self.last_step = n_steps + self._max_steps
 
     def limits(self, system, origin, t_stop, tolerances):
         """Return the `Limits` of a march from `origin` to `t_stop`, with tolerances `Allowed`."""
-        times = t_stop, system.beside(origin, 1), system.beside(t_stop, -1)
-        return Limits._make([*times, *self.longest.tolist(), *tolerances, self._t_end])
+        longest, idle = self.longest
+        return Limits(
+            t_stop, system.beside(origin, 1), system.beside(t_stop, -1), longest, idle,
+            *tolerances, self._t_end,
+        )  # fmt: skip
 
     def used_up(self, n_steps):
         """Return whether a run has made all the steps that are allowed."""

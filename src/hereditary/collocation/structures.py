@@ -27,6 +27,7 @@ from ..compiled.jit import (
     Integers,
     Matrix,
     Vector,
+    checked,
     compiled_type,
 )
 from ..compiled.records import record
@@ -246,8 +247,8 @@ class Steps(NamedTuple):
 
 def empty_steps(n, d, s):
     """Return uninitialised `Steps` for n steps of d components with s nodes."""
-    shapes = (n,), (n,), (n, d, s), (n, 2, d), (n,)
-    return Steps(*(np.empty(shape) for shape in shapes))
+    starts, lengths, errors = np.empty((3, n))
+    return Steps(starts, lengths, np.empty((n, d, s)), np.empty((n, 2, d)), errors)
 
 
 class Limits(NamedTuple):
@@ -505,16 +506,19 @@ def initial_state(h, largest, sizes):
 
     `largest` and `sizes` (d,) are the initial values of the fields with these names.
     """
-    contraction = record(CONTRACTION, rate=1.0, change=1.0, length=1.0)
-    return MarchState(record(CONTROL, next=h), record(COUNTS), contraction, largest, sizes)
+    contraction = record(CONTRACTION, (1.0, 1.0, 1.0))
+    state = record(CONTROL, next=h), record(COUNTS), contraction, largest, sizes
+    return checked(MarchState(*state))
 
 
 def restored_state(kept):
     """Return the `MarchState` from its fields, which a checkpoint stores as plain arrays."""
     control, counts, contraction, *sizes = kept
-    return MarchState(
-        record(CONTROL, tuple(control[0])),
-        record(COUNTS, tuple(counts[0])),
-        record(CONTRACTION, tuple(contraction[0])),
-        *(part.copy() for part in sizes),
+    return checked(
+        MarchState(
+            record(CONTROL, tuple(control[0])),
+            record(COUNTS, tuple(counts[0])),
+            record(CONTRACTION, tuple(contraction[0])),
+            *(part.copy() for part in sizes),
+        )
     )

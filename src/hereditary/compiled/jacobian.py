@@ -17,7 +17,7 @@ from .functions import (
     set_slopes,
     slopes_of_user,
 )
-from .jit import F8, MAT, VEC, as_value, entry, inner, plug_in
+from .jit import F8, MAT, VEC, as_value, checked, entry, inner, plug_in
 from .linalg import dot
 from .signatures import JACOBIAN_SIG, RIGHT_SIDE, RightSide
 
@@ -216,7 +216,8 @@ def right_side(functions: Functions, sparse: bool, by_params: int = 0) -> RightS
     else:
         bare = functions.bare and functions.jac_form == A_MATRIX and not functions.places.size
         how = given_jacobian if bare else composed_jacobian
-    return RightSide(force_of(functions), as_value(how, JACOBIAN_SIG), by_params)
+    how = as_value(how, JACOBIAN_SIG)
+    return checked(RightSide(force_of(functions), how, by_params))
 
 
 @entry(RIGHT_SIDE, F8, VEC, VEC)

@@ -13,7 +13,7 @@
 import gc
 import signal
 import threading
-from functools import partial
+from functools import cache, partial
 from typing import Annotated, Any, TypeAlias, get_type_hints
 
 import numpy as np
@@ -21,7 +21,7 @@ from numba import config, njit, types
 
 from . import numba_internals as internals
 from .cache import CodeCache
-from .reference import Reference, by_reference
+from .reference import Reference, as_checked, by_reference
 
 F8 = types.float64
 I8 = types.int64
@@ -44,6 +44,7 @@ ComplexMatrix: TypeAlias = Annotated[np.ndarray, _CMAT]
 ComplexCube: TypeAlias = Annotated[np.ndarray, types.Array(_C16, 3, "C")]
 
 
+@cache
 def compiled_type(cls):
     """Return numba's type of a NamedTuple class, from the annotations of its fields."""
     numbers = {int: I8, float: F8}
@@ -55,6 +56,11 @@ def compiled_type(cls):
     if len(set(kinds)) == 1:
         return types.NamedUniTuple(kinds[0], len(kinds), cls)
     return types.NamedTuple(kinds, cls)
+
+
+def checked(part):
+    """Return a part of a record, a NamedTuple, checked once: entries do not check it again."""
+    return as_checked(part, compiled_type(type(part)))
 
 
 # Signature of a right-hand side ``rhs(t, y, dy, params)``, which fills dy (d,) for d components.
@@ -248,7 +254,7 @@ def loop_value(loop, signature):
 
 
 def _as_argument(value, kind):
-    return by_reference(value, kind) if isinstance(kind, Reference) else value
+    return value if kind is None else by_reference(value, kind)
 
 
 class entry:
@@ -268,6 +274,8 @@ class entry:
         # only Python calls it, and a wrapper for C would take a tenth of the compilation
         how = internals.without("cfunc") | _counting(self.allocates)
         dispatcher = compiled(fun, self.announced, **how)
+        # numba's types answer isinstance slowly
+        kinds = [kind if isinstance(kind, Reference) else None for kind in self.argtypes]
 
         def ready():
             if not dispatcher.overloads:
@@ -278,7 +286,7 @@ class entry:
 
         def call(*args):
             ready()
-            return dispatcher(*map(_as_argument, args, self.argtypes))
+            return dispatcher(*map(_as_argument, args, kinds))
 
         call.__doc__ = fun.__doc__
         call.__name__ = fun.__name__

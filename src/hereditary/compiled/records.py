@@ -9,7 +9,8 @@ def record(dtype, values=None, **fields):
 
     It has the given values, or zeros. Keyword arguments set single fields.
     """
-    found = records([values or (0,) * len(dtype)], dtype)[0]
+    found = np.zeros(1, dtype) if values is None else np.array([values], dtype)
+    found = (found.view(np.recarray) if config.DISABLE_JIT else found)[0]
     for name, value in fields.items():
         found[name] = value
     return found

@@ -17,6 +17,7 @@ array into a variable before a loop.
 If numba compiles nothing, `by_reference` returns the NamedTuple, and the same source reads it.
 """
 
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -165,9 +166,8 @@ class Filled:
     """A NamedTuple with checked fields: the argument of a compiled entry, of the type `kind`."""
 
     def __init__(self, record, kind):
-        if id(kind) not in _FORMS:
-            _FORMS[id(kind)] = kind, _form(kind.record)
-        _check(record, _FORMS[id(kind)][1])
+        if type(record) is not _checked_class(kind.record.instance_class):
+            _check(record, _form_of(kind.record))
         self.record, self._numba_type_ = record, kind
 
 
@@ -176,9 +176,32 @@ def by_reference(record, kind):
     return record if config.DISABLE_JIT or isinstance(record, Filled) else Filled(record, kind)
 
 
-# For each `Reference` type, by its id: the type, which must stay alive, and the `_form` of its
-# record.
-_FORMS: dict[int, tuple[Reference, list[Any]]] = {}
+def as_checked(part, kind):
+    """Return a part of a record, a NamedTuple, with its fields checked once and for all.
+
+    It has a class of its own, which tells entries that they need not check it again. `kind` is
+    numba's type of the NamedTuple class. `_replace` returns a part that is checked again.
+    """
+    if config.DISABLE_JIT:
+        return part
+    _check(part, _form_of(kind))
+    return tuple.__new__(_checked_class(kind.instance_class), part)
+
+
+@cache
+def _checked_class(cls):
+    return type(cls.__name__, (cls,), {"__slots__": (), "_make": cls._make})
+
+
+# For each type of a record, by its id: the type, which must stay alive, and its `_form`.
+_FORMS: dict[int, tuple[Any, list[Any]]] = {}
+
+
+def _form_of(kind) -> list[Any]:
+    """Return the `_form` of a type of records, made once."""
+    if id(kind) not in _FORMS:
+        _FORMS[id(kind)] = kind, _form(kind)
+    return _FORMS[id(kind)][1]
 
 
 def _form(kind) -> list[Any]:
@@ -189,13 +212,13 @@ def _form(kind) -> list[Any]:
     - a number: None, and its Python classes;
     - an array: its dtype, and its number of axes;
     - a structured record or a function: the name of an attribute, and its value;
-    - a part of the record: the function `_form`, and the list of that part.
+    - a part of the record: the class of a checked one, and the list of that part.
     """
     found: list[Any] = []
     for name, wanted in zip(kind.fields, kind, strict=True):
         like: Any = None, (int if wanted == types.int64 else (int, float))
         if isinstance(wanted, types.BaseNamedTuple):
-            like = _form, _form(wanted)
+            like = _checked_class(wanted.instance_class), _form(wanted)
         elif isinstance(wanted, types.Array):
             like = as_dtype(wanted.dtype), wanted.ndim
         elif isinstance(wanted, types.Record):
@@ -209,8 +232,9 @@ def _form(kind) -> list[Any]:
 def _check(record, form):
     """Raise TypeError if a field of a NamedTuple does not fit its entry in the list of `_form`."""
     for value, (name, wanted, how, like) in zip(record, form, strict=True):
-        if how is _form:
-            _check(value, like)
+        if type(like) is list:
+            if type(value) is not how:
+                _check(value, like)
             continue
         if how is None:
             fits = isinstance(value, like)

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, replace
 from functools import cached_property, partial
 from typing import Any
 
@@ -27,6 +28,12 @@ from .jacobian_structure import Structure
 from .terms import SystemTerm
 
 _SAME = Frame()
+# Properties that follow from the left side alone, which systems share that differ in the rest.
+_OF_LEFT = (
+    "n_solved", "distinct", "read", "above", "_highest_orders", "second", "algebraic",
+    "highest_order", "t_last", "reads", "has_algebraic", "with_speed", "from_zero",
+    "terms_key", "constant", "varies",
+)  # fmt: skip
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -156,7 +163,7 @@ class System:
         """Whether the Jacobian is given; otherwise it comes from differences."""
         return self.functions.has_jac
 
-    @property
+    @cached_property
     def compiled(self) -> RightSide:
         """Right-hand side and its Jacobian for the records of compiled code."""
         return self.compiled_with(self.functions.params)
@@ -195,8 +202,8 @@ class System:
         Functions that round the time differently still see it on that side of a jump at t.
         """
         start = self.frame.start
-        apart = 8 * np.spacing(max(abs(t), abs(start), abs(start + t)))
-        return t + sign * apart
+        largest = max(abs(t), abs(start), abs(start + t)) if start else t
+        return t + sign * 8 * math.ulp(largest)
 
     @cached_property
     def read(self) -> np.ndarray:
@@ -233,6 +240,11 @@ class System:
         return self.highest_orders()[: self.n_solved] > 1
 
     @cached_property
+    def with_speed(self) -> np.ndarray:
+        """Numbers of the components with an equation of order above 1, (k,)."""
+        return np.flatnonzero(self.second)
+
+    @cached_property
     def algebraic(self) -> np.ndarray:
         """Whether each component with an equation has an algebraic one, 0 = f, (n_solved,)."""
         held = [coefficients[: self.n_solved] != 0 for _, coefficients in self.left]
@@ -249,12 +261,42 @@ class System:
                 total += np.where(operator.order == np.asarray(alpha), coefficients, 0.0)
         return total
 
-    @property
+    @cached_property
+    def highest_order(self) -> float:
+        """The highest order of all components."""
+        return float(self.highest_orders().max())
+
+    @cached_property
+    def t_last(self) -> float:
+        """Last time at which all operators are known."""
+        return min(operator.t_last for operator, _ in self.left)
+
+    @cached_property
+    def reads(self) -> bool:
+        """Whether the right-hand side reads memory."""
+        return bool(self.read.any())
+
+    @cached_property
+    def has_algebraic(self) -> bool:
+        """Whether any component has an algebraic equation."""
+        return bool(self.algebraic.any())
+
+    @cached_property
+    def from_zero(self) -> bool:
+        """Whether any operator is Riemann and Liouville's."""
+        return any(operator.from_zero for operator, _ in self.left)
+
+    @cached_property
+    def terms_key(self) -> tuple[tuple[Any, tuple[float, ...]], ...]:
+        """The operators with their coefficients: equal for systems with equal left sides."""
+        return tuple((operator, tuple(own.tolist())) for operator, own in self.left)
+
+    @cached_property
     def constant(self) -> bool:
         """Whether all operators are Caputo's derivatives of constant order."""
         return all(operator.constant for operator, _ in self.left)
 
-    @property
+    @cached_property
     def varies(self) -> bool:
         """Whether an order varies."""
         return any(operator.varies for operator, _ in self.left)
@@ -315,9 +357,13 @@ class System:
         return np.where(self.highest_orders() > 1, ydot, slope)
 
 
+# Fields and properties that a displaced system has as well.
+_KEPT = (*(field.name for field in fields(System)), *_OF_LEFT)
+
+
 def refuse_late(system: System, t_end: float) -> None:
     """Refuse a run that ends after the last time at which an operator is known."""
-    last = min(operator.t_last for operator, _ in system.left)
+    last = system.t_last
     if t_end > last * (1 + 1e-12):
         required = f"stay within t = {last:g}, up to which a kernel is known"
         remedy = "end the run there, or give a kernel that reaches farther"
@@ -399,4 +445,10 @@ def displaced(system: System, y0: np.ndarray, params: np.ndarray | None = None) 
         functions = functions._replace(delays=functions.delays._replace(values=values))
     y0 = np.take(y0, system.sources, axis=1)
     y0.flags.writeable = False
-    return replace(system, y0=y0, functions=functions, delays=delays)
+    # `replace` would check the fields again, and forget what follows from the left side
+    for name in _OF_LEFT:
+        getattr(system, name)
+    found, known = object.__new__(System), vars(system)
+    vars(found).update({name: known[name] for name in _KEPT if name in known})
+    vars(found).update(y0=y0, functions=functions, delays=delays)
+    return found

@@ -68,7 +68,9 @@ _versions: OrderedDict[tuple, _Version] = OrderedDict()
 
 def present_values(fun: Any) -> tuple:
     """Return the code of `fun` and the values that numba would freeze into it now."""
-    plain = None if fun is None else _plain(fun)
+    if fun is None:
+        return ()
+    plain = _plain(fun)
     return frozen_values(plain) if inspect.isfunction(plain) else ()
 
 

@@ -25,7 +25,7 @@ def starting_steps(stepper):
     """
     system = stepper.system
     # with Riemann-Liouville terms solutions begin with lower powers, which FirstSteps does not have
-    if stepper.n > 1 or not system.constant or any(op.from_zero for op, _ in system.left):
+    if stepper.n > 1 or not system.constant or system.from_zero:
         return None
     return FirstSteps(system, stepper.steps.times(np.array([1.0, 2.0])))
 

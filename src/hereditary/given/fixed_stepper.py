@@ -2,15 +2,18 @@
 
 import time
 from dataclasses import replace
-from functools import partial
+from functools import lru_cache, partial
+from operator import attrgetter
 
 import numpy as np
 
-from ..compiled.jit import loop_value
+from ..compiled.jacobian import FEW
+from ..compiled.jit import checked, loop_value
 from ..compiled.records import plain, record, records
 from ..compiled.reference import by_reference
 from ..compiled.signatures import FACTORISE, LINEAR
-from ..equation.system import refuse_late, variational
+from ..equation.system import System, refuse_late, variational
+from ..equation.terms import SystemTerm
 from ..kernels.memory_kernel import misfit_on_given_steps
 from ..stepping.dense import StepPieces
 from ..stepping.state import check_identity, described, identity, state_of
@@ -59,6 +62,8 @@ _SECONDS = 0.1
 _NUMBERS = 1 << 15
 # One call of the compiled march may make this many steps even if `_NUMBERS` allows fewer.
 _LEAST = 32
+# Number of plans that remain in storage for later runs.
+_PLANS_MAX = 64
 # Most steps in one call of the compiled march if an event may end the call early.
 _SHORT = 256
 # Remedy if not even the first step is solved.
@@ -84,6 +89,11 @@ class FixedStepper(ResumableStepper, TangentStepper, JumpingStepper):
         y'(0) of each component of order above 1.
     block : int
         Steps in a block; it changes results by rounding errors only.
+
+    Attributes
+    ----------
+    n : int
+        Number of steps made.
     """
 
     def __init__(self, system, scheme, history, steps, n_steps, directions=None, block=BLOCK):
@@ -92,7 +102,7 @@ class FixedStepper(ResumableStepper, TangentStepper, JumpingStepper):
         self.system, self.scheme, self.history = system, scheme, history
         self.steps, self.h = steps, steps.h
         self._span = steps.covered(n_steps, getattr(history, "horizon", None) or 0.0)
-        self._with_speed = np.flatnonzero(system.second)
+        self._with_speed = system.with_speed
         marched = self._marched = self._inside(system)
         directions = np.zeros((self.n_data, 0)) if directions is None else directions
         self.n_tangents = directions.shape[1]
@@ -118,8 +128,11 @@ class FixedStepper(ResumableStepper, TangentStepper, JumpingStepper):
 
     def _planned(self, system):
         """Return the scheme's plan for a system, with y(0) in its Riemann-Liouville terms."""
-        order = self.scheme.order(float(self.system.highest_orders().max()))
-        return with_initial_values(self.steps.plan(self.scheme, system), system, order)
+        order = self.scheme.order(self.system.highest_order)
+        if not (self.scheme.plans_by_terms and system.constant and self.h and system.d <= FEW):
+            return with_initial_values(self.steps.plan(self.scheme, system), system, order)
+        y0 = system.y0.shape, system.y0.tobytes(), system.sources.tobytes()
+        return _kept_plan(self.scheme, self.h, order, system.terms_key, *y0)
 
     def _begin(self, plan):
         """Open the history's memory for a plan, and set up the march at step 0."""
@@ -127,7 +140,7 @@ class FixedStepper(ResumableStepper, TangentStepper, JumpingStepper):
         self._loop, system = MARCHES[self.scheme.solve], self._marched
         self._past, self._rows, self._lasting = plan.past, plan.rows, plan.lasting
         self._watch, width = JacobianWatch(plan.region, system, self._block), plan.groups.size
-        self._table = StepTable(
+        table = StepTable(
             h=self.h,
             slowest=plan.slowest,
             sweeps=plan.sweeps,
@@ -142,6 +155,7 @@ class FixedStepper(ResumableStepper, TangentStepper, JumpingStepper):
             start_weights=self.memory.block_start_weights,
             powers=np.zeros((0, width)) if plan.powers is None else plan.powers,
         )
+        self._table = checked(table)
         how = self.n_tangents > 0, self.scheme.solve, system.linear_alone and plan.rows.alike
         self._newton = newton_of(system.structure, system.d, *how)
         self._stand_at_start(plan)
@@ -171,6 +185,7 @@ class FixedStepper(ResumableStepper, TangentStepper, JumpingStepper):
             lacks=np.zeros(width),
             newton=self._newton.room,
         )
+        self.n = 0
         self._march.monitor["turns"][: orders.size] = np.where(orders == 2, -1.0, 0.0)
         room = np.empty((len(StepArrays._fields) - 1, width))
         self._room = StepArrays._make([*room, self._marched.positive_units])
@@ -266,14 +281,15 @@ class FixedStepper(ResumableStepper, TangentStepper, JumpingStepper):
                 output=MarchOutput(rows, slopes, jacobians, self.n),
             ), self.scheme.solve), n_end)  # fmt: skip
         finally:
+            self._read_step()
             self._watch.note(jacobians, self.n)
 
-    @property
-    def n(self):
-        """Number of steps made."""
-        return int(self._march.counts["step"])  # counts.step would take ten times as long
+    def _read_step(self):
+        """Set `n` to the number of steps that the march has made."""
+        self.n = int(self._march.counts["step"])  # counts.step would take ten times as long
 
-    position = n  # the position that the contract `Stepper` asks for
+    # the position that the contract `Stepper` asks for
+    position = property(attrgetter("n"))
 
     @property
     def t(self):
@@ -357,6 +373,7 @@ class FixedStepper(ResumableStepper, TangentStepper, JumpingStepper):
         monitor = records([tuple(row) for row in march.monitor], MONITOR)
         newton = self._newton.taken_over(march)
         self._march = march._replace(newton=newton, monitor=monitor)
+        self._read_step()
         self.memory.restore(memory)
         self._watch.largest, self._watch.step = watched
         self._error, self._status = None, RUNNING
@@ -505,6 +522,18 @@ class FixedStepper(ResumableStepper, TangentStepper, JumpingStepper):
     def set_side(self, number, sign):
         """Evaluate f on the side `sign` of a switch; f may jump."""
         self._marched.functions.switches.signs[number] = sign
+
+
+@lru_cache(maxsize=_PLANS_MAX)
+def _kept_plan(scheme, h, order, terms, shape, y0, sources):
+    """Return the plan of a scheme for uniform steps h, from the terms and initial values alone.
+
+    The arguments are the key: y0 and `sources` are the bytes of the fields of a `System`.
+    """
+    left = [SystemTerm(operator, np.array(coefficients)) for operator, coefficients in terms]
+    y0, sources = np.frombuffer(y0).reshape(shape), np.frombuffer(sources, np.int64)
+    system = System(left, y0, sources=sources)
+    return with_initial_values(scheme.plan(system, h), system, order)
 
 
 def _renormalising(growth, grown, march, end):

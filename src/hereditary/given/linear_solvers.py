@@ -1,12 +1,13 @@
 """Linear solvers for Newton's matrix, with their tables and matrices."""
 
+from functools import lru_cache
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from ..compiled.callbacks import lapack_address
 from ..compiled.jacobian import COLUMNS, FEW, ROWS, VALUES
-from ..compiled.jit import as_value
+from ..compiled.jit import as_value, checked
 from ..compiled.linalg import address_of_factors, dense_solver, no_solver
 from ..compiled.signatures import SOLVER_SIG, LinearSolver
 from ..compiled.sparse_solvers import SparseFactors, banded_solver, sparse_solver
@@ -52,6 +53,8 @@ def newton_of(structure, d, tangents, solve, exact):
     """
     implicit = solve in ("newton", "imex")
     slots = 1 + int(tangents)
+    if structure is None and not implicit and not tangents:
+        return _nothing()
     if structure is not None:
         return _of_structure(structure, slots, implicit, int(exact))
     few = d <= FEW and solve == "newton"
@@ -66,6 +69,13 @@ def newton_of(structure, d, tangents, solve, exact):
     )
     solver = as_value(dense_solver if n else no_solver, SOLVER_SIG)
     return NewtonSetup(solver, tables, np.zeros((1 + slots, size, size)))
+
+
+@lru_cache(maxsize=1)
+def _nothing() -> NewtonSetup:
+    """Return the `NewtonSetup` of a march that solves no equations."""
+    tables = checked(LinearSolver(np.zeros((0, 2, 0)), np.arange(0)))
+    return NewtonSetup(as_value(no_solver, SOLVER_SIG), tables, np.zeros((2, 0, 0)))
 
 
 def _of_structure(structure: Structure, slots: int, implicit: bool, exact: int) -> NewtonSetup:

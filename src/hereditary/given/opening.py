@@ -16,6 +16,10 @@ _LEAST = -290.0
 _MOST = 290.0
 
 
+# History of runs for which none is given.
+_EXPONENTIALS = SumOfExponentials()
+
+
 def given_steps(system, scheme, t_end, state=None, *, n_steps=None, mesh=False, **tolerated):
     """Return `UniformSteps` or `MeshSteps` to t_end, including the steps of a resumed `state`.
 
@@ -42,7 +46,7 @@ def _uniform_steps(system, t_end, n_steps, state):
         if n_steps > COUNTED:
             required = f"be at most {COUNTED:.0e}, so that times of steps differ"
             refuse("n_steps", required, f"{n_steps:.3g}")
-        h, order = t_end / n_steps, float(system.highest_orders().max())
+        h, order = t_end / n_steps, system.highest_order
         if h == 0 or not _LEAST < order * math.log10(h) < _MOST:
             required = f"leave steps h whose power h**{order:g} is a number of double precision"
             refuse("t_end", required, f"h = {h}", "take another unit of time")
@@ -65,7 +69,7 @@ def _uniform_steps(system, t_end, n_steps, state):
 
 def open_given(system, scheme, history, how, state, allow_change, directions):
     """Return a `FixedStepper` at the start of a run or at `state`, and the run's last step."""
-    history = history or getattr(state, "history", None) or SumOfExponentials()
+    history = history or getattr(state, "history", None) or _EXPONENTIALS
     stepper = FixedStepper(system, scheme, history, how, how.n, directions)
     go_on_from(state, stepper, allow_change)
     return _prepared(stepper, how.n), how.n
@@ -76,7 +80,7 @@ def open_members(system, scheme, history, how, *members):
 
     `members` are their parameters (E, p), their initial values (E, m, d), and optionally a plan.
     """
-    history = history or SumOfExponentials()
+    history = history or _EXPONENTIALS
     return _prepared(MemberStepper(system, scheme, history, how, how.n, *members), how.n)
 
 

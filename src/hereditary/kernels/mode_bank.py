@@ -52,7 +52,7 @@ class Bank(NamedTuple):
     def n_real(self) -> int:
         """Number of real rates."""
         n = self.rates.size
-        return n if np.isrealobj(self.rates) else n - int(np.count_nonzero(self.rates.imag))
+        return n if self.rates.dtype.kind != "c" else n - int(np.count_nonzero(self.rates.imag))
 
     @property
     def n_modes(self) -> int:
@@ -62,14 +62,14 @@ class Bank(NamedTuple):
     def real_modes(self, values: np.ndarray, axis: int = -1) -> np.ndarray:
         """Return values of all rates along an axis as an array of M real modes."""
         real = values.real
-        if np.iscomplexobj(self.rates):
+        if self.rates.dtype.kind == "c":
             turning = np.split(values.imag, [self.n_real], axis)[1]
             real = np.concatenate([real, turning], axis)
         return np.ascontiguousarray(real)
 
     def complex_modes(self, modes: np.ndarray) -> np.ndarray:
         """Return an array of real modes (..., M) as values of all rates."""
-        if np.isrealobj(self.rates):
+        if self.rates.dtype.kind != "c":
             return modes
         n = self.rates.size
         found = modes[..., :n].astype(complex)
@@ -81,6 +81,6 @@ def damping(rates: np.ndarray, times: np.ndarray) -> np.ndarray:
     """Return ``exp(-rate * time)``, shape (n_rates, n_times), not below 1e-261 in size."""
     logs = np.multiply.outer(-rates.real, times)
     damped = np.exp(np.maximum(logs, _LEAST, out=logs), out=logs)
-    if np.isrealobj(rates):
+    if rates.dtype.kind != "c":
         return damped
     return damped * np.exp(-1j * np.multiply.outer(rates.imag, times))

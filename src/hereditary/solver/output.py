@@ -103,7 +103,7 @@ class Output:
 
     def take(self, piece: Piece, start: float) -> None:
         """Add the solution on the steps since time `start`, up to an event that ends the run."""
-        edges = np.append(piece.edges(), self._stepper.t)
+        edges = np.concatenate((piece.edges(), (self._stepper.t,)))
         end = None
         if self.events.any:
             end = self.events.look(edges, lambda t: piece.evaluate(t, self._second, 0))
@@ -142,11 +142,14 @@ class Output:
     def _chosen(self, edges: np.ndarray) -> slice | np.ndarray:
         """Return which steps between `edges` are kept: a slice, or an array of truth values."""
         first = self._n + 1
-        self._n += int(np.sum(edges[1:] <= self.end))
+        reached = edges[1:] <= self.end
+        self._n += int(np.count_nonzero(reached)) if self.ended else reached.size
         if self._counted and not self.ended:
             return slice(-first % self._every, None, self._every)
         # next to a singular start steps may be so short that both ends have the same rounded time
-        chosen = (edges[1:] <= self.end) & (np.diff(edges) > 0)
+        chosen = reached & (edges[1:] > edges[:-1])
+        if self._every == 1:
+            return chosen
         return chosen & (np.arange(first, first + chosen.size) % self._every == 0)
 
     def _take_wanted(self, piece: Piece) -> None:

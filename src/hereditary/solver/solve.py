@@ -328,7 +328,11 @@ def chosen_scheme(scheme: Any, rtol: Any, n_steps: Any, mesh: Any, resume: Any) 
     if isinstance(resume, State) and (rtol is None or chooses_steps(resume.scheme)):
         return resume.scheme
     by_steps = n_steps is not None or mesh is not None or resume is not None
-    return ExplicitCaputo() if rtol is None and by_steps else Collocation()
+    return _EXPLICIT if rtol is None and by_steps else _COLLOCATION
+
+
+# Schemes of runs for which none is given.
+_EXPLICIT, _COLLOCATION = ExplicitCaputo(), Collocation()
 
 
 def evaluation_times(t_eval: Any, t_start: float, t_end: float) -> np.ndarray | None:

@@ -39,6 +39,9 @@ class Scheme(ABC):
         solves for tangents.
     takes_switches : bool
         Whether f may jump where a switch function changes its sign.
+    plans_by_terms : bool
+        Whether a plan on uniform steps depends on terms, initial values and step alone, and not on
+        the right-hand side. Then equations that differ in the rest share it.
     """
 
     solve: ClassVar[str] = "newton"
@@ -55,6 +58,7 @@ class Scheme(ABC):
     takes_switches: ClassVar[bool] = True
     takes_meshes: ClassVar[bool] = False
     meshes_up_to: ClassVar[float] = 1.0
+    plans_by_terms: ClassVar[bool] = False
 
     @property
     def orders(self) -> tuple[float, float]:
@@ -70,23 +74,23 @@ class Scheme(ABC):
         """Refuse a system with orders or terms that the scheme does not accept."""
         remedy = "use ExplicitCaputo, L1 or Collocation"
         name = type(self).__name__
-        if system.read.any():
+        if system.reads:
             if not self.takes_memory:
                 required = f"need no memory that the right-hand side reads with {name}"
                 read = [op for op, own in system.left if np.any(own[system.read])]
                 got = " and ".join(map(str, read))
                 refuse("terms", required, got, remedy)
             remedy = "use ExplicitCaputo or L1"
-        if system.algebraic.any() and not self.takes_algebraic:
+        if system.has_algebraic and not self.takes_algebraic:
             required = f"leave every component at least one nonzero term with {name}"
             got = f"none for component {np.flatnonzero(system.algebraic)[0]}"
             refuse("terms", required, got, "solve algebraic rows with rtol=")
-        for operator, _ in system.left:
+        for operator, _ in () if system.constant else system.left:
             if operator.kernel is not None and not self.takes_kernels:
                 refuse("terms", f"be Caputo operators with {name}", f"{operator}", remedy)
             if operator.varies and not self.takes_varying:
                 refuse("terms", f"have constant orders with {name}", f"{operator}", remedy)
-        highest = float(system.highest_orders().max())
+        highest = system.highest_order
         if highest > self.orders[1]:
             required = f"be at most {self.orders[1]:g} for {self!r}"
             refuse("order", required, highest, "use BDF(2) or L1")

@@ -13,6 +13,8 @@ ONE_TIME = 1e-13
 
 def checked_breaks(breaks: ArrayLike, start: float) -> np.ndarray:
     """Return the breaks as increasing, distinct times after `start`, shape (k,), minus `start`."""
+    if isinstance(breaks, tuple) and not breaks:
+        return np.zeros(0)
     given = real_array("breaks", breaks)
     if given.size == 0:
         return given.ravel()
@@ -36,6 +38,8 @@ def breaks_ahead(
     times: np.ndarray, start: float, t_end: float, origin: float
 ) -> tuple[bool, np.ndarray]:
     """Return whether there is a break at a `start` above 0, and the breaks between it and t_end."""
+    if times.size == 0:
+        return False, times
     at_once, at_end = together(times, start, origin), together(times, t_end, origin)
     ahead = (times > start) & (times < t_end) & ~at_once & ~at_end
     return bool(np.any(at_once)) and start > 0, times[ahead]

@@ -244,6 +244,7 @@ class ProductTrapezoid(Scheme):
     """
 
     several_terms: ClassVar[bool] = False
+    plans_by_terms: ClassVar[bool] = True
 
     def order(self, alpha: float, smoothness: str = "smooth") -> float:
         """Return the proven order of convergence at a fixed time; see `Adams.order`."""

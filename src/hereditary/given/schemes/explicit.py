@@ -76,6 +76,7 @@ class ExplicitCaputo(Scheme):
     whole: ClassVar[bool] = True
     takes_kernels: ClassVar[bool] = True
     takes_varying: ClassVar[bool] = True
+    plans_by_terms: ClassVar[bool] = True
 
     def order(self, alpha: float, smoothness: str = "smooth") -> float:
         """Return the proven order of convergence at a fixed time: 1 for alpha in (0, 2].

@@ -81,6 +81,7 @@ class GrunwaldLetnikov(Scheme):
 
     solve: ClassVar[str] = "explicit"
     whole: ClassVar[bool] = True
+    plans_by_terms: ClassVar[bool] = True
 
     def __post_init__(self):
         if not isinstance(self.map, bool):

@@ -72,6 +72,7 @@ class L1(Scheme):
     takes_varying: ClassVar[bool] = True
     meshes_up_to: ClassVar[float] = 2.0
     takes_meshes: ClassVar[bool] = True
+    plans_by_terms: ClassVar[bool] = True
 
     def order(self, alpha: float, smoothness: str = "smooth") -> float:
         """Return the proven order of convergence at a fixed time, on uniform steps.

@@ -51,6 +51,7 @@ class L2(Scheme):
 
     orders = (0.0, 1.0)
     takes_meshes: ClassVar[bool] = True
+    plans_by_terms: ClassVar[bool] = True
 
     def order(self, alpha: float, smoothness: str = "smooth") -> float:
         """Return the proven order of convergence at a fixed time, on uniform steps.

@@ -57,6 +57,7 @@ class L2Sigma(Scheme):
     takes_memory: ClassVar[bool] = False
     takes_meshes: ClassVar[bool] = True
     meshes_up_to: ClassVar[float] = 2.0
+    plans_by_terms: ClassVar[bool] = True
 
     def order(self, alpha: float, smoothness: str = "smooth") -> float:
         """Return the proven order of convergence at a fixed time, on uniform steps.

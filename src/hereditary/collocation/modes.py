@@ -1,0 +1,129 @@
+"""The modes of a march: sums of exponentials of all kernels of its equations, over one bank.
+
+They depend on the integral equations, on two time lags and on a tolerance alone. So equations with
+the same terms share them, also if their right-hand sides, parameters or initial values differ.
+"""
+
+from functools import lru_cache
+from typing import NamedTuple
+
+import numpy as np
+
+from ..compiled.jit import checked
+from ..kernels.mode_bank import Bank, damping
+from .exponential_basis import (
+    NO_KERNELS,
+    NO_POWER_LAWS,
+    KernelBasis,
+    PowerLawBasis,
+    kernel_basis,
+    power_law_basis,
+)
+from .first_rule import Variable, at_points, rule_of_modes
+from .quadrature import shortened_legendre
+from .structures import ExponentialBasis
+from .varying import NOTHING_VARIES, VaryingBasis, varying_basis
+
+# Number of forms, and of fits of their kernels, whose modes remain in storage.
+_MODES_MAX = 64
+# Number of first steps whose exponentials remain in storage; each has 240 kB for 50 modes.
+_STEPS_MAX = 8
+
+
+class Modes(NamedTuple):
+    """The sums of a march and what follows from them; M modes, n_a orders and n_k kernels.
+
+    - power_laws, kernels, varying: sums of power laws, of general kernels and of varying orders.
+    - bank: all of them, in this order. Varying orders have weights of 0 there.
+    - weights (n_a + n_k, M): weights of the modes for each fractional integral and kernel.
+    - masses (n_k,): point masses of the kernels at time lag 0. Varying orders are counted in n_k
+      and have zeros.
+    - of_varying (M,): 1 for the modes of varying orders, 0 for others.
+    - basis: the same for compiled code.
+    - key: what the factors of a step length depend on: nodes, rates and kernels.
+    """
+
+    power_laws: PowerLawBasis
+    kernels: KernelBasis
+    varying: VaryingBasis
+    bank: Bank
+    weights: np.ndarray
+    masses: np.ndarray
+    of_varying: np.ndarray
+    basis: ExponentialBasis
+    key: tuple
+
+
+def joined(form, s, power_laws, kernels, varying):
+    """Return the `Modes` of three sums of exponentials, for steps with s nodes."""
+    n_varying, size = len(form.varying), varying.rates.size
+    without = Bank(varying.rates, np.zeros((n_varying, size)))
+    bank = Bank.of([power_laws, *kernels.sums, without])
+    weights, n = bank.real_modes(bank.weights), bank.n_real
+    masses = np.concatenate([kernels.masses, np.zeros(n_varying)])
+    of_varying = np.zeros(bank.n_modes)
+    of_varying[n - size : n] = 1.0
+    rates = np.ascontiguousarray(bank.rates[:n].real), bank.rates[n:].astype(complex)
+    basis = checked(ExponentialBasis(*rates, weights, masses, shortened_legendre(s)))
+    n_kernels = masses.size - n_varying
+    of_kernels = weights[weights.shape[0] - masses.size :][:n_kernels], masses[:n_kernels]
+    key = s, n_varying, *(part.tobytes() for part in (*rates, *of_kernels))
+    return Modes(power_laws, kernels, varying, bank, weights, masses, of_varying, basis, key)
+
+
+@lru_cache(maxsize=_MODES_MAX)
+def no_modes(form, s):
+    """Return the `Modes` before the first fit, which are none."""
+    return joined(form, s, NO_POWER_LAWS, NO_KERNELS, NOTHING_VARIES)
+
+
+def opened(form, s, closest, farthest, t_end, tol, kernels=None):
+    """Return the `Modes` for time lags from `closest` to `farthest`, to a relative error `tol`.
+
+    `t_end` is the largest time lag of kernels given by values. `kernels` are their sums, if they
+    have been fitted already.
+    """
+    power_laws = power_law_basis(form.orders.tolist(), closest, farthest, tol)
+    if kernels is None:
+        kernels = kernel_basis(form.kernels, closest, farthest, t_end, tol)
+    varying = varying_basis(closest, farthest, tol) if form.varying else NOTHING_VARIES
+    return joined(form, s, power_laws, kernels, varying)
+
+
+# The same modes for the same form, nodes, time lags and tolerance.
+opened_once = lru_cache(maxsize=_MODES_MAX)(opened)
+
+
+class OverStep(NamedTuple):
+    """What the modes of one bank have of the last step, of which they have seen nothing yet.
+
+    - decays (M, K): from K points of the step, those of `rule_of_modes`, to its end.
+    - sampled (n, K): the Lagrange polynomials of the n nodes at these points, times the weights of
+      the rule and the step's length.
+    - integrals (M,): of the modes over the step.
+    - at_end (m,): decay of the m rates over the step.
+    """
+
+    decays: np.ndarray
+    sampled: np.ndarray
+    integrals: np.ndarray
+    at_end: np.ndarray
+
+
+def over_step(bank: Bank, variable: Variable, length: float) -> OverStep:
+    """Return what the rates of a bank have of a step with nodes in `variable`.
+
+    It depends on the rates, the variable and the length alone, and is made once for equal ones.
+    """
+    return _over_step(bank.rates.tobytes(), bank.rates.dtype, variable, length)
+
+
+@lru_cache(maxsize=_STEPS_MAX)
+def _over_step(rates, kind, variable, length):
+    bank = Bank(length * np.frombuffer(rates, kind), np.zeros((0, 0)))
+    fastest = float(np.abs(bank.rates).max(initial=0.0))
+    key, _, v, weights = rule_of_modes(variable.n, fastest)
+    decays = bank.real_modes(damping(bank.rates, v), axis=0)
+    weights = length * weights
+    sampled = at_points(variable, key) * weights
+    return OverStep(decays, sampled, decays @ weights, np.exp(-bank.rates))

@@ -1,0 +1,71 @@
+"""Arrays that one call of the compiled march works on, kept between calls if components are few."""
+
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from ..compiled.jit import checked
+from ..support.spares import Spares
+from .equations import Form
+from .mode_tables import empty_weights
+from .operators import empty_operators
+from .stage_solver import StageSolver, stage_solver
+from .structures import ModeWeights, Operators, StepRoom, empty_room
+
+# Number of workspaces that remain in storage. One of nine components has 0.5 MB for the 24 nodes of
+# a first step.
+_WORKSPACES_MAX = 8
+
+
+class Workspace(NamedTuple):
+    """What a march of given shapes overwrites: solver of the stages, matrices and work arrays."""
+
+    solver: StageSolver
+    operators: Operators
+    weights: ModeWeights
+    room: StepRoom
+
+
+# Workspaces that no march uses at present.
+spare_workspaces = Spares(_WORKSPACES_MAX)
+
+
+def take_workspace(
+    form: Form, modes: np.ndarray, s: int, offsets: bool, solver: StageSolver | None = None
+) -> tuple[Any, Workspace]:
+    """Return a pair of a key and a `Workspace`; the pair is the argument of `give_back`.
+
+    Parameters
+    ----------
+    form : Form
+    modes : ndarray, shape (1 + k, R, M)
+        Modes of the orbit and of k tangents.
+    s : int
+        Number of nodes of a step.
+    offsets : bool
+        Whether any offset of a term differs from 0.
+    solver : StageSolver, optional
+        The solver of the run, if it keeps factors between steps. The key is None then, and the
+        workspace is new.
+    """
+
+    def make() -> Workspace:
+        own = solver or stage_solver(None, form, s)
+        d, columns = form.second.size, (len(modes), form.n_rows)
+        values = len(modes), form.n_integrands, d, s
+        weights = empty_weights(form, modes.shape, offsets, s)
+        room = empty_room(columns, values, own.stages, s + 2)
+        operators = empty_operators(*columns, form.kinds, s)
+        return Workspace(own, checked(operators), checked(weights), checked(room))
+
+    if solver is not None:
+        return None, make()
+    taken = spare_workspaces.take((form.layout, *modes.shape, s, offsets), make)
+    taken[1].solver.stages.control[:] = 0.0
+    return taken
+
+
+def give_back(taken: tuple[Any, Workspace]) -> None:
+    """Keep a workspace for later marches."""
+    if taken[0] is not None:
+        spare_workspaces.give_back(taken)

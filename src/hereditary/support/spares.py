@@ -1,0 +1,34 @@
+"""Arrays that one run works on at a time, kept for later runs."""
+
+import threading
+from collections.abc import Callable, Hashable
+from typing import Any
+
+
+class Spares:
+    """Objects that nobody uses at present, by a key that says which of them are alike.
+
+    Who takes an object has it alone, so threads never write into the same arrays. The newest `most`
+    objects are kept.
+    """
+
+    def __init__(self, most: int) -> None:
+        self._most, self._lock = most, threading.Lock()
+        self._kept: list[tuple[Hashable, Any]] = []
+
+    def take(self, key: Hashable, make: Callable[[], Any]) -> tuple[Hashable, Any]:
+        """Remove and return a key and an object of this key; ``make()`` makes one if none is kept.
+
+        The pair is the argument of `give_back`.
+        """
+        with self._lock:
+            for place in range(len(self._kept) - 1, -1, -1):
+                if self._kept[place][0] == key:
+                    return self._kept.pop(place)
+        return key, make()
+
+    def give_back(self, taken: tuple[Hashable, Any]) -> None:
+        """Keep the pair that `take` returned for the next one who asks for this key."""
+        with self._lock:
+            self._kept.append(taken)
+            del self._kept[: -self._most]
