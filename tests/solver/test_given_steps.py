@@ -158,3 +158,27 @@ def test_dense_output_in_the_first_step_does_not_depend_on_an_event_in_it():
     ended = hd.solve(equation, 1.0, 10, scheme=hd.L1(), events=reaching(0.9))
     assert ended.t[-1] < 0.1
     np.testing.assert_allclose(ended(0.004), whole(0.004), rtol=1e-13)
+
+
+def test_equal_terms_and_initial_values_share_a_plan_and_others_have_their_own():
+    """A plan depends on scheme, step, terms and y(0); runs in any order give the same bits."""
+
+    def slowed(t, y, p):
+        return -p[0] * y
+
+    first = hd.Equation(hd.Caputo(0.7), slowed, 1.0, params=[1.0])
+    changed = {
+        "params": first.replace(params=[2.0]),
+        "y0": first.replace(y0=2.0),
+        "terms": first.replace(terms=hd.Caputo(0.8)),
+    }
+    runs = [(first, 40, hd.L1()), (first, 50, hd.L1()), (first, 40, hd.ExplicitCaputo())]
+    runs += [(equation, 40, hd.L1()) for equation in changed.values()]
+    found = [
+        [hd.solve(one, 1.0, n, scheme=scheme, estimate=False).y for one, n, scheme in order]
+        for order in (runs, runs[::-1])
+    ]
+    assert all(map(np.array_equal, found[0], found[1][::-1]))
+    assert np.unique([rows[-1, 0] for rows in found[0]]).size == len(runs)
+    # linear: twice the initial value gives twice the solution
+    assert np.array_equal(found[0][4], 2 * found[0][0])

@@ -58,6 +58,7 @@ from .step_limits import StepLimits
 from .structures import (
     AT_EDGE,
     AdaptiveWork,
+    FirstJacobian,
     OrbitArrays,
     Steps,
     empty_steps,
@@ -351,9 +352,16 @@ class AdaptiveStepper(ResumableStepper, TangentStepper, JumpingStepper):
         limits, units, t = self._limits(t_stop), np.empty(system.d), self.t
         self._state.counts["rhs"] += 1
         out = np.empty((system.d, system.d)) if structure is None else structure.entries.copy()
-        where = system.beside(t, 1) if t > 0 else 0.0, orbit.x[0]
-        sizes = self._state.sizes.copy()
-        jacobian_at_start(system.compiled, equations, limits, *where, sizes, units, out)
+        start = FirstJacobian(
+            right=system.compiled,
+            equations=equations,
+            limits=limits,
+            t=system.beside(t, 1) if t > 0 else 0.0,
+            x=orbit.x[0],
+            sizes=self._state.sizes.copy(),
+            units=units,
+        )
+        jacobian_at_start(start, out)
         return limits, out if structure is None else structure.matrix(out[VALUES]), units
 
     def _try_step(self, h, variable, limits, at_edge):

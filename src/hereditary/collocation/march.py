@@ -11,10 +11,9 @@ from functools import lru_cache
 import numpy as np
 
 from ..compiled.jacobian import LEAST
-from ..compiled.jit import F8, MAT, VEC, as_value, compiled_type, entry, inner, plug_in
+from ..compiled.jit import MAT, as_value, compiled_type, entry, inner, plug_in
 from ..compiled.linalg import clear_matrix, put, put_cube, put_matrix
 from ..compiled.reference import Reference
-from ..compiled.signatures import RIGHT_SIDE
 from .edge import solve_at_edge
 from .error_estimate import orbit_error, tangents_error
 from .mode_tables import (
@@ -46,8 +45,7 @@ from .structures import (
     READING_SIG,
     TANGENTS_SIG,
     AdaptiveMarch,
-    Equations,
-    Limits,
+    FirstJacobian,
 )
 from .tolerances import SMALL, raise_small, raise_to_least, set_newton_goal
 
@@ -153,19 +151,12 @@ def set_units(equations, sizes, x, limits, out):
         out[c] = unit if unit > LEAST else 1.0
 
 
-_EQUATIONS, _LIMITS = Reference(compiled_type(Equations)), Reference(compiled_type(Limits))
-
-
-@entry(RIGHT_SIDE, _EQUATIONS, _LIMITS, F8, VEC, VEC, VEC, MAT)
-def jacobian_at_start(right, equations, limits, t, x, sizes, units, out):
-    """Set `out` to the Jacobian of f at (t, x) before a first step.
-
-    It also sets `units` as `set_units` does, and `sizes` (d,) are
-    raised to the least ones next to the largest component.
-    """
-    raise_small(equations.quantities, SMALL, sizes)
-    set_units(equations, sizes, x, limits, units)
-    right.jacobian(right.user, t, x, units, out)
+@entry(Reference(compiled_type(FirstJacobian)), MAT)
+def jacobian_at_start(start, out):
+    """Set `out` to the Jacobian of f before a first step, and the units and sizes of `start`."""
+    raise_small(start.equations.quantities, SMALL, start.sizes)
+    set_units(start.equations, start.sizes, start.x, start.limits, start.units)
+    start.right.jacobian(start.right.user, start.t, start.x, start.units, out)
 
 
 @inner

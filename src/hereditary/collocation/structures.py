@@ -273,6 +273,24 @@ class Limits(NamedTuple):
     t_end: float
 
 
+class FirstJacobian(NamedTuple):
+    """What the Jacobian of f before a first step depends on.
+
+    - right, equations, limits: as in `AdaptiveWork`; t: time.
+    - x (d,): y.
+    - sizes (d,): sizes of the components, which are raised to the least ones of their quantity.
+    - units (d,): sizes for the increments of difference quotients of f, which are set.
+    """
+
+    right: RightSide
+    equations: Equations
+    limits: Limits
+    t: float
+    x: Vector
+    sizes: Vector
+    units: Vector
+
+
 class Operators(NamedTuple):
     """Matrices from nodal values to the rows of the equations at the nodes of one step.
 

@@ -331,8 +331,10 @@ def chosen_scheme(scheme: Any, rtol: Any, n_steps: Any, mesh: Any, resume: Any) 
     return _EXPLICIT if rtol is None and by_steps else _COLLOCATION
 
 
-# Schemes of runs for which none is given.
-_EXPLICIT, _COLLOCATION = ExplicitCaputo(), Collocation()
+# Scheme of runs on given steps for which none is given.
+_EXPLICIT = ExplicitCaputo()
+# Scheme of runs by a tolerance for which none is given.
+_COLLOCATION = Collocation()
 
 
 def evaluation_times(t_eval: Any, t_start: float, t_end: float) -> np.ndarray | None:
