@@ -156,7 +156,7 @@ def jacobian_at_start(start, out):
     """Set `out` to the Jacobian of f before a first step, and the units and sizes of `start`."""
     raise_small(start.equations.quantities, SMALL, start.sizes)
     set_units(start.equations, start.sizes, start.x, start.limits, start.units)
-    start.right.jacobian(start.right.user, start.t, start.x, start.units, out)
+    start.right.jacobian(start.right.force, start.t, start.x, start.units, out)
 
 
 @inner
