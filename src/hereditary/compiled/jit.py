@@ -60,7 +60,8 @@ def compiled_type(cls):
 
 def checked(part):
     """Return a part of a record, a NamedTuple, checked once: entries do not check it again."""
-    return as_checked(part, compiled_type(type(part)))
+    cls: Any = type(part)
+    return as_checked(part, compiled_type(cls))
 
 
 # Signature of a right-hand side ``rhs(t, y, dy, params)``, which fills dy (d,) for d components.

@@ -69,7 +69,7 @@ class Events:
         self.times: list[list[float]] = [[] for _ in self._functions]
         self.values: list[list[np.ndarray]] = [[] for _ in self._functions]
         self.failure, self._failed_at = "", math.inf
-        t, y = stepper.t, stepper.y if self._functions else None
+        t, y = stepper.t, stepper.y if self._functions else np.empty(0)
         values = [_first_value(function, t, y) for function in self._functions]
         self._begin(t, values, [signs.get(digest(f), 0.0) for f in self._functions])
 
