@@ -144,7 +144,7 @@ def means(variable, orders, logs):
     weights = rgamma(a) * np.hstack([rule * v ** (a - 1), LEFT_OUT**a / a])
     points = np.append(np.log(points), 0.0)
     if variable.c == 0.0:  # u of a product of times is a product: one rule on the nodes suffices
-        weights = weights @ functions(variable, points)
+        weights = weights @ _at_rule_and_end(variable)
         points = variable.logs(radau_nodes(variable.n))
     within = np.add.outer(logs, points)
     return (_legendre(variable, within) @ weights.T).T @ to_legendre(variable.n)
@@ -171,6 +171,12 @@ def convolutions(variable, kernel, h):
     # the integral of the kernel over the width that the rule leaves out
     rest = kernel.integral(np.maximum(ends * LEFT_OUT, NEXT_TO_0))
     return np.einsum("ip,jip->ij", kernels, values) @ to_legendre(variable.n) + np.diag(rest)
+
+
+@lru_cache(maxsize=16)
+def _at_rule_and_end(variable):
+    """Return the n Lagrange polynomials at the k points of `graded_rule` and at 1, (k + 1, n)."""
+    return functions(variable, np.append(np.log(graded_rule()[0]), 0.0))
 
 
 @lru_cache(maxsize=16)

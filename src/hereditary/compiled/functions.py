@@ -216,6 +216,10 @@ def absent(signature: Any) -> Any:
     return SimpleNamespace(address=0, of_signature=signature)
 
 
+# What stands for `compose` where it is not called; numba's signatures take 20 us to hash.
+_NOT_COMPOSED = absent(_COMPOSE_SIG)
+
+
 @lru_cache
 def no_functions() -> Functions:
     """Return a record without functions, parameters, and whatever stands around functions."""
@@ -251,7 +255,7 @@ def of_user(params: np.ndarray, n: int, **fields: Any) -> Functions:
 
 def force_of(functions: Functions) -> Force:
     """Return f as marches call it."""
-    how = absent(_COMPOSE_SIG) if functions.bare else as_value(compose, _COMPOSE_SIG)
+    how = _NOT_COMPOSED if functions.bare else as_value(compose, _COMPOSE_SIG)
     return Force(functions, how, int(functions.bare))
 
 
