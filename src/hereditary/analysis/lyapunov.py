@@ -5,7 +5,7 @@ from __future__ import annotations
 import itertools
 import time
 from contextlib import suppress
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any, NamedTuple
 
@@ -107,6 +107,48 @@ _ADAMS_HIGHEST = 1.0
 
 # A time and the components (d,) there.
 _Moment = tuple[float, np.ndarray]
+
+
+class _Stepping(NamedTuple):
+    """How one run steps: arguments of `lyapunov` that its second run has other values of."""
+
+    t_end: Any
+    n_steps: Any
+    scheme: Scheme
+    rtol: Any = None
+    atol: Any = None
+
+
+@dataclass(frozen=True)
+class LyapunovOptions:
+    """Arguments of `lyapunov` that both of its runs share; what needs no equation is checked."""
+
+    k: int
+    mode: str
+    history: History | None
+    renorm: float | None
+    transient: float
+    directions: ArrayLike | None
+    seed: int
+    window: float
+    n_blocks: int
+    separation: float
+    breaks: ArrayLike
+    progress: bool
+
+    def __post_init__(self) -> None:
+        within("window", self.window, 1e-6, 1.0, "(0, 1]")
+        if count("n_blocks", self.n_blocks) > _MOST_BLOCKS:
+            refuse("n_blocks", f"be at most {_MOST_BLOCKS}", self.n_blocks)
+        restarts = isinstance(self.mode, str) and self.mode == "restart"
+        remedy = "convergence/restarting.py cuts the memory" if restarts else ""
+        one_of("mode", self.mode, _MODES, f"be one of {', '.join(map(repr, _MODES))}", remedy)
+        count("k", self.k)
+        if self.renorm is not None:
+            positive("renorm", self.renorm)
+        seed = self.seed
+        if isinstance(seed, bool) or not isinstance(seed, (int, np.integer)) or seed < 0:
+            refuse("seed", "be a whole number of at least 0", repr(seed), kind=TypeError)
 
 
 @lacking(**_INSTEAD)
@@ -234,12 +276,12 @@ def lyapunov(
     if scheme is None:
         adaptive = rtol is not None or n_steps is None  # as `solve` chooses
         scheme = Collocation() if adaptive else _second_order(equation) or ExplicitCaputo()
-    run = partial(
-        _run, equation, k=k, mode=mode, history=history, renorm=renorm, transient=transient,
-        directions=directions, seed=seed, window=window, n_blocks=n_blocks, separation=separation,
-        breaks=breaks, progress=progress,
+    options = LyapunovOptions(
+        k=k, mode=mode, history=history, renorm=renorm, transient=transient, directions=directions,
+        seed=seed, window=window, n_blocks=n_blocks, separation=separation, breaks=breaks,
+        progress=progress,
     )  # fmt: skip
-    result = run(t_end, n_steps, scheme, rtol, atol)
+    result = _run(equation, _Stepping(t_end, n_steps, scheme, rtol, atol), options)
     if result.status not in _AT_END or verify is False:
         return result
     unknown = set(result.verdicts) == {Verdict.UNDETERMINED}
@@ -248,7 +290,7 @@ def lyapunov(
     other, how = _another(equation, scheme, result, bool(verify), np.size(breaks) > 0)
     try:
         with silence():
-            check, reason = run(*other), ""
+            check, reason = _run(equation, other, options), ""
     except ValueError as error:  # a step that its scheme does not take
         check, reason = None, f"there is no run to compare with: {error}"
     return _compared(result, check, how, reason)
@@ -256,8 +298,8 @@ def lyapunov(
 
 def _another(
     equation: Equation, scheme: Scheme, result: LyapunovResult, finer: bool, broken: bool
-) -> tuple[tuple, str]:
-    """Return t_end, steps, scheme and tolerances of the run with which verdicts are compared.
+) -> tuple[_Stepping, str]:
+    """Return the `_Stepping` of the run with which verdicts are compared.
 
     Return also a clause on how this run differs. Given steps of a run with breaks (`broken`) are
     halved, because the breaks are times of steps.
@@ -268,13 +310,13 @@ def _another(
         factor = 0.1 if finer else 10.0
         atol = None if found["atol"] is None else factor * np.asarray(found["atol"])
         how = "a tenth of the tolerance" if finer else "ten times the tolerance"
-        return (found["t_end"], n, scheme, factor * found["rtol"], atol), how
+        return _Stepping(found["t_end"], n, scheme, factor * found["rtol"], atol), how
     halved = finer or broken
     n, h = (2 * n, found["h"] / 2) if halved else (n // 2, 2 * found["h"])
     other = scheme if finer else _checking_scheme(scheme, equation)
     how = "half the step" if halved else "twice the step"
     how += "" if other == scheme else f" and {other!r}"
-    return (equation.t_start + n * h, n, other, None, None), how
+    return _Stepping(equation.t_start + n * h, n, other), how
 
 
 def _compared(
@@ -300,38 +342,13 @@ def _compared(
     return replace(result, verified=False, check=check)
 
 
-def _run(
-    equation: Equation,
-    t_end: Any,
-    n_steps: Any,
-    scheme: Scheme,
-    rtol: Any,
-    atol: Any,
-    *,
-    k: Any,
-    mode: Any,
-    history: History | None,
-    renorm: Any,
-    transient: Any,
-    directions: Any,
-    seed: Any,
-    window: Any,
-    n_blocks: Any,
-    separation: Any,
-    breaks: ArrayLike,
-    progress: bool,
-) -> LyapunovResult:
-    """Return the result of one run, whose arguments are those of `lyapunov`."""
-    began, start = time.perf_counter(), equation.t_start
-    t_last = run_end("t_end", t_end, start)
+def _run(equation: Equation, stepping: _Stepping, options: LyapunovOptions) -> LyapunovResult:
+    """Return the result of one run."""
+    began, start, scheme = time.perf_counter(), equation.t_start, stepping.scheme
+    t_last = run_end("t_end", stepping.t_end, start)
     t_end = t_last - start
     instance("scheme", scheme, Scheme, "hereditary.ExplicitCaputo()")
-    within("window", window, 1e-6, 1.0, "(0, 1]")
-    if count("n_blocks", n_blocks) > _MOST_BLOCKS:
-        refuse("n_blocks", f"be at most {_MOST_BLOCKS}", n_blocks)
-    restarts = isinstance(mode, str) and mode == "restart"
-    remedy = "convergence/restarting.py cuts the memory" if restarts else ""
-    mode = one_of("mode", mode, _MODES, f"be one of {', '.join(map(repr, _MODES))}", remedy)
+    mode, history, k = options.mode, options.history, options.k
     if chooses_steps(scheme) and mode != "tangent":
         remedy = "take a scheme of given steps, e.g. Adams() or BDF(2)"
         refuse("mode", 'be "tangent" with Collocation', repr(mode), remedy)
@@ -344,26 +361,27 @@ def _run(
     system, most = marched(equation.system, scheme), n_data(equation.system)
     if history is None and not chooses_steps(scheme):
         history = SumOfExponentials()
-    given = {"max_steps": _ANY} if chooses_steps(scheme) else {"n_steps": n_steps}
-    how = how_to_step(system, scheme, t_end, history=history, rtol=rtol, atol=atol, **given)
-    n = _MARKS if chooses_steps(scheme) and n_steps is None else count("n_steps", whole(n_steps))
+    given = {"max_steps": _ANY} if chooses_steps(scheme) else {"n_steps": stepping.n_steps}
+    steps = how_to_step(
+        system, scheme, t_end, history=history, rtol=stepping.rtol, atol=stepping.atol, **given
+    )
+    marks = chooses_steps(scheme) and stepping.n_steps is None
+    n = _MARKS if marks else count("n_steps", whole(stepping.n_steps))
     h = t_end / n
-    if count("k", k) > most:
+    if k > most:
         refuse("k", f"be at most the number of initial data, {most}", k)
-    interval = None if renorm is None else max(1, steps_in("renorm", positive("renorm", renorm), h))
+    interval = options.renorm and max(1, steps_in("renorm", options.renorm, h))
     inside = "[0, t_end)" if start == 0 else "[0, t_end - t_start)"
-    transient = round(within("transient", transient, 0.0, h * (n - 1), inside) / h)
-    if isinstance(seed, bool) or not isinstance(seed, (int, np.integer)) or seed < 0:
-        refuse("seed", "be a whole number of at least 0", repr(seed), kind=TypeError)
-    separation = _separation(separation, equation)
-    directions = _directions(directions, int(seed), k, most)
+    transient = round(within("transient", options.transient, 0.0, h * (n - 1), inside) / h)
+    separation = _separation(options.separation, equation)
+    directions = _directions(options.directions, int(options.seed), k, most)
 
-    opened = partial(open_stepper, scheme=scheme, history=history, how=how, t_end=t_end)
+    opened = partial(open_stepper, scheme=scheme, history=history, how=steps, t_end=t_end)
     if mode == "pair":
         stepper = Pairs(lambda system: opened(system)[0], system, directions, separation)
     else:
         stepper, _ = opened(system, directions=directions)
-    stepper.set_breaks(checked_breaks(breaks, start), t_end)
+    stepper.set_breaks(checked_breaks(options.breaks, start), t_end)
     plain = memory(system) == "none" and not equation.system.read.any()
     flow = Divergence(system, h) if mode == "tangent" and plain and k == most else None
     unit = stepper.stop_at(h).position
@@ -372,15 +390,15 @@ def _run(
     schedule["automatic"] = interval is None
     schedule["interval"] = interval or min(_FIRST, schedule["longest"])
     states: list[_Moment] = []
-    ended, grown = _grow(stepper, schedule, h, flow, states, progress)
+    ended, grown = _grow(stepper, schedule, h, flow, states, options.progress)
     settings = {
         "mode": mode, "k": int(k), "h": h, "renorm": interval and h * interval,
-        "transient": h * transient, "seed": int(seed), "separation": separation, "scheme": scheme,
-        "history": history, "t_end": t_last, "window": window,
+        "transient": h * transient, "seed": int(options.seed), "separation": separation,
+        "scheme": scheme, "history": history, "t_end": t_last, "window": options.window,
     }  # fmt: skip
-    settings |= {"rtol": how.rtol, "atol": how.atol} if chooses_steps(scheme) else {}
+    settings |= {"rtol": steps.rtol, "atol": steps.atol} if chooses_steps(scheme) else {}
     seconds = time.perf_counter() - began
-    found = _found(stepper, equation, flow, ended, grown, settings, n_blocks, seconds)
+    found = _found(stepper, equation, flow, ended, grown, settings, options.n_blocks, seconds)
     if found.status in _AT_END and (mode == "tangent" or separation < _APART):
         found = _without_jumps(found, stepper.system, states)
     pass_on(ended and ended.error, found)
