@@ -107,33 +107,34 @@ def function_of(
         If not empty, numba must be able to compile the function. The message about a function that
         it cannot compile states this requirement.
     """
-    plain = _plain(fun)
+    candidate = Candidate(name, out, fun, start, shape, hint)
+    plain = candidate.plain
     if not callable(plain):
         required = f"be a function {start.shapes(name, out)}"
         refuse(name, required, repr(fun), "write it with def or lambda", kind=TypeError)
     key = _key(fun, signature, start) if inspect.isfunction(plain) else ()
     known = _versions.get(key)
     if known and known.compiled:
-        fill = _in_python(name, plain, known.arity, start, shape)
+        fill = _in_python(candidate, known.arity)
         with suppress(Exception):  # the checks below report errors
-            expected = _called(fill, start, shape)
+            expected = _called(fill, candidate)
             if np.isfinite(expected).all() and not _difference(known.compiled, expected, start):
                 return Function(known.compiled, fill)
     arity = arity_of(name, out, plain, start)
-    values, form = try_out(name, out, plain, arity, start, shape, hint)
-    fill = _in_python(name, plain, arity, start, shape)
+    values, form = try_out(candidate, arity)
+    fill = _in_python(candidate, arity)
     found, reason = None, "because numba compiles only functions written with def or lambda"
     if key:
-        found, reason, *_ = _version(name, fun, key, arity, form, start, shape)
+        found, reason, *_ = _version(candidate, key, arity, form)
         reason = reason or _difference(found, values, start)
         if found and reason:  # earlier compiled helpers may have had other values
-            present = _in_python(name, uncompiled(plain), arity, start, shape)
-            reason = _difference(found, _called(present, start, shape), start)
+            present = _in_python(candidate._replace(fun=uncompiled(plain)), arity)
+            reason = _difference(found, _called(present, candidate), start)
     if not reason:
         return Function(found, fill)
     if required:
         refuse(name, required, f"{plain!r}, {reason}", kind=TypeError)
-    warn_of_python(name, plain, reason, lambda: _called(fill, start, shape))
+    warn_of_python(name, plain, reason, lambda: _called(fill, candidate))
     return Function(None, fill)
 
 
@@ -143,9 +144,10 @@ def _key(fun: Any, signature: Any, start: Start) -> tuple:
     return frozen_values(_plain(fun)), options, signature, len(start.memory), start.paired
 
 
-def _called(fill: Fill, start: Start, shape: tuple[int, ...]) -> np.ndarray:
+def _called(fill: Fill, candidate: Candidate) -> np.ndarray:
     """Return the values that `fill` gives in Python at the start."""
-    values = np.full(shape, np.nan, start.y.dtype)
+    start = candidate.start
+    values = np.full(candidate.shape, np.nan, start.y.dtype)
     with np.errstate(all="ignore"):
         fill(start.t, locked(start.components()), values.view(float), locked(start.params))
     return values
@@ -166,19 +168,17 @@ def _difference(compiled: Any, expected: np.ndarray, start: Start) -> str:
     )
 
 
-def _version(
-    name: str, fun: Any, key: tuple, arity: int, form: str, start: Start, shape: tuple[int, ...]
-) -> _Version:
+def _version(candidate: Candidate, key: tuple, arity: int, form: str) -> _Version:
     """Return the `_Version` of a user's function for a key; compile the function if it is new."""
     with compiling:
         known = _versions.pop(key, None)
         if known is None or known[2:] != (arity, form):
             with warnings.catch_warnings():  # a warning about lists
                 warnings.simplefilter("ignore", NumbaPendingDeprecationWarning)
-                found, reason = _build(name, fun, key, arity, form, start, shape)
+                found, reason = _build(candidate, key, arity, form)
             known = _Version(found, reason, arity, form)
             if known.compiled:
-                _warn_of_versions(name, _plain(fun))
+                _warn_of_versions(candidate.name, candidate.plain)
         _versions[key] = known  # as the newest, which is removed last
         if len(_versions) > _KEPT_MAX:
             _versions.popitem(last=False)
@@ -197,18 +197,17 @@ def _warn_of_versions(name: str, plain: FunctionType) -> None:
         )
 
 
-def _build(
-    name: str, fun: Any, key: tuple, arity: int, form: str, start: Start, shape: tuple[int, ...]
-) -> tuple[Any, str]:
+def _build(candidate: Candidate, key: tuple, arity: int, form: str) -> tuple[Any, str]:
     """Compile a user's function; return it and "", or None and the reason of numba's failure.
 
     A function that uses a name of `_PAST_READ_ONLY` gets copies of y and params, because it could
     write into them. The function and its helpers are compiled from fresh copies, so that earlier
     compilations have no influence.
     """
-    plain, k = _plain(fun), len(start.memory)
+    fun, plain, start = candidate.fun, candidate.plain, candidate.start
+    k, n_axes = len(start.memory), len(candidate.shape)
     if config.DISABLE_JIT:
-        return _of_parts(_in_python(name, plain, arity, start, shape)), ""
+        return _of_parts(_in_python(candidate, arity)), ""
     # only compiled code calls these functions, and a wrapper for Python would take 1 MB each
     inside = {"boundscheck": True, **without("cpython")}
     inner: dict[str, Any] = {"nogil": True, **without("cfunc"), **inside}
@@ -219,7 +218,7 @@ def _build(
     number = types.complex128 if start.paired else F8
     y, memory = (types.Array(number, axes, "C", readonly=True) for axes in (1, 2))
     first = (F8, y, memory) if k else (F8, y)
-    filled = types.Array(number, len(shape), "C")
+    filled = types.Array(number, n_axes, "C")
     own = (*first, *{2: (), 3: (_READ_ONLY,), 4: (filled, _READ_ONLY)}[arity])
     try:
         jitted = fresh(fun, inner, inside)
@@ -228,13 +227,13 @@ def _build(
         returned = jitted.nopython_signatures[0].return_type
         simple = isinstance(returned, (types.NoneType, types.Number, types.Boolean))
         copied = bool(_PAST_READ_ONLY & code_names(key[0]))
-        adapter = (_reading if k else _adapter)(jitted, arity, form, len(shape))
+        adapter = (_reading if k else _adapter)(jitted, arity, form, n_axes)
         adapter = derived(adapter, allocates=not simple)
         adapter = derived(_of_copies(adapter, k)) if copied else adapter
         return as_value(adapter, key[2]), ""
     except Exception as error:  # numba raises exceptions of many types
         if _compiles(fresh(fun, inner, inside), [a.copy(readonly=False) for a in own[1:]]):
-            raise TypeError(writing_complaint(name, plain, error)) from error
+            raise TypeError(writing_complaint(candidate.name, plain, error)) from error
         return None, compile_reason(plain, error)
 
 
@@ -333,8 +332,9 @@ def _reading(fun: Any, arity: int, form: str, n_axes: int) -> Fill:
     return from_vector if n_axes == 1 else from_matrix
 
 
-def _in_python(name: str, fun: Any, arity: int, start: Start, shape: tuple[int, ...]) -> Fill:
-    """Return ``fill(t, z, out, params)``, which calls `fun` in Python; z is y, then memory."""
+def _in_python(candidate: Candidate, arity: int) -> Fill:
+    """Return ``fill(t, z, out, params)``, which calls it in Python; z is y, then memory."""
+    fun, start, shape = candidate.plain, candidate.start, candidate.shape
     k, d = start.memory.shape
     kind = start.y.dtype
 
@@ -351,7 +351,7 @@ def _in_python(name: str, fun: Any, arity: int, start: Start, shape: tuple[int, 
                 for place, value in enumerate(values):  # making an array takes twice as long
                     out[place] = value
                 return
-            values = numbers_of(name, fun, values, shape, start)
+            values = numbers_of(candidate, values)
         if values.shape != shape:
             if values.size != 1 or out.size != 1:
                 raise ValueError(_RESHAPED)
@@ -414,6 +414,28 @@ class Start(NamedTuple):
         return f"{first}), {first}, params) or, in place, {first}, {out}, params)"
 
 
+class Candidate(NamedTuple):
+    """A user's function with all that its checks need.
+
+    - name, out: names of the function and of its output array, for messages.
+    - fun: the function, or numba's dispatcher of one.
+    - start: arguments of the trial calls; shape: that of the values.
+    - hint: ``hint()`` is appended to messages about errors in the function.
+    """
+
+    name: str
+    out: str
+    fun: Any
+    start: Start
+    shape: tuple[int, ...]
+    hint: Callable[[], str] = str
+
+    @property
+    def plain(self) -> Any:
+        """The function in Python."""
+        return _plain(self.fun)
+
+
 def arity_of(name: str, out: str, fun: Callable[..., Any], start: Start) -> int:
     """Return the number of positional arguments of `fun`, not counting memory: 2, 3 or 4."""
     required = f"be one of {start.shapes(name, out)}"
@@ -440,20 +462,11 @@ def arity_of(name: str, out: str, fun: Callable[..., Any], start: Start) -> int:
     return len(positional) - more
 
 
-def try_out(
-    name: str,
-    out: str,
-    fun: Any,
-    arity: int,
-    start: Start,
-    shape: tuple[int, ...],
-    hint: Callable[[], str],
-) -> tuple[np.ndarray, str]:
-    """Call `fun` twice in Python at the start; check its values, and return them and their form."""
+def try_out(candidate: Candidate, arity: int) -> tuple[np.ndarray, str]:
+    """Call it twice in Python at the start; check its values, and return them and their form."""
+    name, out, fun, start = candidate.name, candidate.out, candidate.plain, candidate.start
     # the two calls get output arrays with different contents, which shows entries that are not set
-    (values, form), (again, _) = (
-        _values(name, out, fun, arity, start, shape, hint, unset) for unset in (np.nan, 0.5)
-    )
+    (values, form), (again, _) = (_values(candidate, arity, unset) for unset in (np.nan, 0.5))
     unset = np.isnan(values) & (again == 0.5)
     if arity == 4 and unset.any():
         got = f"entries {np.argwhere(unset).tolist()} left unset"
@@ -475,20 +488,13 @@ def nearly_equal(values: np.ndarray, expected: np.ndarray) -> bool:
     return np.allclose(values, expected, rtol=1e-8, atol=1e-12 * np.abs(expected).max(initial=0.0))
 
 
-def _values(
-    name: str,
-    out: str,
-    fun: Any,
-    arity: int,
-    start: Start,
-    shape: tuple[int, ...],
-    hint: Callable[[], str],
-    unset: float,
-) -> tuple[np.ndarray, str]:
-    """Call `fun` at the start; return its values as an array of `shape`, and their form.
+def _values(candidate: Candidate, arity: int, unset: float) -> tuple[np.ndarray, str]:
+    """Call it at the start; return its values as an array of its `shape`, and their form.
 
     `unset` fills the output array before the call.
     """
+    name, out, fun = candidate.name, candidate.out, candidate.plain
+    start, shape, hint = candidate.start, candidate.shape, candidate.hint
     filled = np.full(shape, unset, start.y.dtype)
     y, memory, p = (part.copy() for part in start[:3])
     first = (start.t, y, memory) if len(memory) else (start.t, y)
@@ -521,30 +527,29 @@ def _values(
             remedy = f"leave {out} out of the arguments to return values, {defined(fun)}{hinted()}"
             refuse(name, f"fill {out} and return None", repr(result), remedy, kind=TypeError)
         return filled, "in place"
-    values = numbers_of(name, fun, result, shape, start)
+    values = numbers_of(candidate, result)
     if values.shape != shape and not (values.ndim == 0 and np.prod(shape) == 1):
         size = f"shape {shape}" + (" or a number" if np.prod(shape) == 1 else "")
-        refuse(name, f"return {size}", f"shape {values.shape}", _remedy(fun, shape) + hinted())
+        refuse(name, f"return {size}", f"shape {values.shape}", _remedy(candidate) + hinted())
     form = "array" if values.ndim else "number"
     return values.astype(start.y.dtype).reshape(shape), form
 
 
-def numbers_of(
-    name: str, fun: Any, returned: Any, shape: tuple[int, ...], start: Start
-) -> np.ndarray:
+def numbers_of(candidate: Candidate, returned: Any) -> np.ndarray:
     """Return the values that a function returned, as an array; refuse anything but numbers."""
     try:
         values = np.asarray(returned)
     except ValueError:  # rows of unequal length
         values = np.asarray(None)
-    if values.dtype.kind in ("biufc" if start.paired else "biuf"):
+    paired = candidate.start.paired
+    if values.dtype.kind in ("biufc" if paired else "biuf"):
         return values
-    required = "return numbers" if start.paired else "return real numbers"
+    required = "return numbers" if paired else "return real numbers"
     complex_remedy = "give y0 complex numbers for a complex solution"
-    remedy = complex_remedy if values.dtype.kind == "c" else _remedy(fun, shape)
-    refuse(name, required, repr(returned), remedy, kind=TypeError)
+    remedy = complex_remedy if values.dtype.kind == "c" else _remedy(candidate)
+    refuse(candidate.name, required, repr(returned), remedy, kind=TypeError)
 
 
-def _remedy(fun: Any, shape: tuple[int, ...]) -> str:
+def _remedy(candidate: Candidate) -> str:
     """Return a remedy for messages: what the function should return."""
-    return f"return numpy.array([...]) of shape {shape}, {defined(fun)}"
+    return f"return numpy.array([...]) of shape {candidate.shape}, {defined(candidate.plain)}"
