@@ -6,6 +6,7 @@ import reprlib
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -18,6 +19,7 @@ from ..solver.opening import chooses_steps
 from ..solver.progress import ProgressBar
 from ..solver.solution import Solution
 from ..solver.solve import chosen_scheme, solve
+from ..stepping.scheme import Scheme
 from ..support.checks import (
     complaint,
     component_numbers,
@@ -125,7 +127,7 @@ def fit(
     observe: Callable | ArrayLike | None = None,
     loss: str = "linear",
     progress: bool = False,
-    **how: Any,
+    **options: Any,
 ) -> FitResult:
     """Fit the parameters of an equation with memory to data, by least squares.
 
@@ -160,7 +162,7 @@ def fit(
         As in `scipy.optimize.least_squares`: "soft_l1" or "huber" for outliers, beyond one sigma.
     progress : bool, optional
         Show the number of runs and the cost so far, on a terminal only.
-    **how
+    **options
         As in `solve`, by default ``rtol=1e-8``.
 
     Returns
@@ -221,7 +223,8 @@ def fit(
     size = sum(int(np.isfinite(one.data).sum()) for one in series)
     if size < start.size:
         refuse("data", f"hold at least {start.size} values, one for each parameter", size)
-    runs = _Runs(model, names, isinstance(p0, Mapping), series, observe, how, ProgressBar(progress))
+    called = _Model(model, names, isinstance(p0, Mapping))
+    runs = _Runs(called, series, observe, _RunOptions(options), ProgressBar(progress))
     # parameters are scaled to size 1 for SciPy: its differences are relative, its tolerances at
     # bounds absolute
     shift = np.where(start == 0, 1.0, 0.0)
@@ -277,6 +280,58 @@ def fit(
     )
 
 
+@dataclass(frozen=True)
+class _Model:
+    """The function that makes equations from parameters; `named` says if it takes them by name."""
+
+    function: Callable[..., Any]
+    names: list[str]
+    named: bool
+
+    def __call__(self, p: np.ndarray) -> Any:
+        """Return what the function makes of parameters p (n,)."""
+        return self.function(**self.at(p)) if self.named else self.function(p.copy())
+
+    def at(self, p: np.ndarray) -> dict[str, float]:
+        """Return the parameters by their names."""
+        return dict(zip(self.names, p.tolist(), strict=True))
+
+
+@dataclass(frozen=True)
+class _RunOptions:
+    """Arguments of `solve` for the runs of a fit: the user's, which are checked, and defaults."""
+
+    given: dict[str, Any]
+
+    def __post_init__(self) -> None:
+        if "t_eval" in self.given:
+            got = shown(self.given["t_eval"])
+            refuse("t_eval", "be left out, for t says it", got, kind=TypeError)
+
+    @cached_property
+    def of_solve(self) -> dict[str, Any]:
+        """Arguments of `solve`."""
+        default = {} if {"n_steps", "mesh", "rtol"} & self.given.keys() else {"rtol": 1e-8}
+        return {"estimate": False} | default | self.given
+
+    @cached_property
+    def scheme(self) -> Scheme:
+        """The scheme of the runs."""
+        given = self.of_solve
+        return chosen_scheme(
+            given.get("scheme"),
+            given.get("rtol"),
+            given.get("n_steps"),
+            given.get("mesh"),
+            given.get("resume"),
+        )
+
+    @property
+    def has_tangents(self) -> bool:
+        """Whether `sensitivities` accepts these arguments."""
+        return chooses_steps(self.scheme) and self.of_solve.keys() <= _OF_TANGENTS
+
+
 class _Runs:
     """Runs of a model for sets of parameters, and their residuals.
 
@@ -293,37 +348,26 @@ class _Runs:
 
     def __init__(
         self,
-        model: Callable[..., Any],
-        names: list[str],
-        named: bool,
+        model: _Model,
         series: list[Series],
         observe: Callable | ArrayLike | None,
-        how: dict[str, Any],
+        options: _RunOptions,
         bar: ProgressBar,
     ) -> None:
-        self.bar = bar
-        self._model, self._names, self._named = model, names, named
+        self.bar, self._model, self._options = bar, model, options
         self._series, self._observe, self.count = series, observe, 0
         largest = [float(np.nanmax(np.abs(one.data))) for one in series]
         self._far = [_FAR * (size or 1.0) for size in largest]
         self.unit = (max(largest) or 1.0) if series[0].sigma is None else 1.0
-        if "t_eval" in how:
-            refuse("t_eval", "be left out, for t says it", shown(how["t_eval"]), kind=TypeError)
-        default = {} if {"n_steps", "mesh", "rtol"} & how.keys() else {"rtol": 1e-8}
-        self._how = how = {"estimate": False} | default | how
-        given = (how.get(name) for name in ("scheme", "rtol", "n_steps", "mesh", "resume"))
-        self._scheme = chosen_scheme(*given)
-        self._tangents = chooses_steps(self._scheme) and how.keys() <= _OF_TANGENTS
 
     def equations(self, p: np.ndarray) -> list[Equation]:
         """Return the equations of the model with these parameters, one for each series."""
-        named = dict(zip(self._names, p.tolist(), strict=True))
         try:
-            made = self._model(**named) if self._named else self._model(p.copy())
+            made = self._model(p)
         except ValueError as error:
             if self.count == 0:  # at p0
                 raise
-            at = ", ".join(f"{name} = {value:.6g}" for name, value in named.items())
+            at = ", ".join(f"{name} = {value:.6g}" for name, value in self._model.at(p).items())
             remedy = "keep parameters in range by bounds={name: (lowest, highest)}"
             raise ValueError(f"{error}, from model at {at}; {remedy}") from error
         equations = list(made) if isinstance(made, (list, tuple)) else [made]
@@ -342,9 +386,9 @@ class _Runs:
         for equation, t in zip(equations, times, strict=True):
             if t[-1] <= equation.t_start or t[0] < equation.t_start:
                 refuse("t", f"begin at t_start = {equation.t_start:g} or later", shown(t))
-        pairs = zip(equations, times, strict=True)
+        pairs, options = zip(equations, times, strict=True), self._options.of_solve
         with no_estimates():
-            return [solve(equation, float(t[-1]), t_eval=t, **self._how) for equation, t in pairs]
+            return [solve(equation, float(t[-1]), t_eval=t, **options) for equation, t in pairs]
 
     def lacking(self, rows: list[np.ndarray]) -> list[np.ndarray]:
         """Return model minus data (n, k): NaN for missing data, inf after the end of a run.
@@ -393,17 +437,17 @@ class _Runs:
         every = {k: _changes(own, each) for k, each in enumerate(others)}
         near = {k: changes for k, changes in every.items() if changes}
         complete = all(len(y) == one.t.size for y, one in zip(rows, self._series, strict=True))
-        possible = complete and self._tangents
-        possible = possible and not any(obstacle(each, self._scheme) for each in own)
+        possible = complete and self._options.has_tangents
+        possible = possible and not any(obstacle(each, self._options.scheme) for each in own)
         if len(near) < _ENOUGH or not possible:
             return {}
         self.count += 1
-        how = {name: value for name, value in self._how.items() if name != "estimate"}
+        options = {k: value for k, value in self._options.of_solve.items() if k != "estimate"}
         found = []
         for k, (equation, one) in enumerate(zip(own, self._series, strict=True)):
             kinds = sorted({kind for changes in near.values() for kind in changes[k]}) or "y0"
             with silence():
-                run = sensitivities(equation, float(one.t[-1]), t_eval=one.t, wrt=kinds, **how)
+                run = sensitivities(equation, float(one.t[-1]), t_eval=one.t, wrt=kinds, **options)
             found.append(run)
         if not all(each.success for each in found):
             return {}
