@@ -61,25 +61,36 @@ def stage_solver(structure, form, s, at_edge=False):
     eigenvectors = 0 if few or form.kinds.any() else lapack_address("dgeev")
     if eigenvectors == 0:
         return _joint_solver(structure, form, s, few)
-    d, kinds = form.second.size, (form.kinds, form.second)
-    solver = partial(_solver, lapack_values=eigenvectors)
+    d = form.second.size
+    solver = partial(_solver, form=form, s=s, lapack_values=eigenvectors)
     if structure is None:
-        how = {"lapack": lapack_address("dgehrd"), "lapack_solve": lapack_address("dorghr")}
-        how["lapack_balance"] = lapack_address("dgebal")
-        # varying orders change the factors in each step: a longer step is not postponed
-        how["hold"] = 0 if form.varying else _HOLD
-        room = {"factors": np.empty((s, 1, d), complex), "dense": np.empty((2 + 2 * s, d, d))}
-        order, jacobians = np.arange(d), np.zeros((1, d, d))
-        return solver(dense_stages, kinds, s, order=order, jacobians=jacobians, **room, **how)
+        return solver(
+            dense_stages,
+            order=np.arange(d),
+            jacobians=np.zeros((1, d, d)),
+            factors=np.empty((s, 1, d), complex),
+            dense=np.empty((2 + 2 * s, d, d)),
+            lapack=lapack_address("dgehrd"),
+            lapack_solve=lapack_address("dorghr"),
+            lapack_balance=lapack_address("dgebal"),
+            # varying orders change the factors in each step: a longer step is not postponed
+            hold=0 if form.varying else _HOLD,
+        )
     jacobians, band = structure.entries[None].copy(), structure.band
     if band is None:
         held = SparseFactors(structure, complex)
-        how = {"order": np.arange(d), "jacobians": jacobians, "python": held.address}
-        return solver(sparse_stages, kinds, s, held, **how)
-    factors = np.empty((s, d, 2 * band.lower + band.upper + 2), complex)
-    how = {"order": band.order, "jacobians": jacobians, "lapack": lapack_address("zgbtrf")}
-    widths = {"lower": band.lower, "upper": band.upper}
-    return solver(banded_stages, kinds, s, factors=factors, **how, **widths)
+        return solver(
+            sparse_stages, held=held, order=np.arange(d), jacobians=jacobians, python=held.address
+        )
+    return solver(
+        banded_stages,
+        order=band.order,
+        jacobians=jacobians,
+        factors=np.empty((s, d, 2 * band.lower + band.upper + 2), complex),
+        lapack=lapack_address("zgbtrf"),
+        lower=band.lower,
+        upper=band.upper,
+    )
 
 
 def _joint_solver(structure, form, s, few):
@@ -87,36 +98,56 @@ def _joint_solver(structure, form, s, few):
 
     If components are few, each node has a Jacobian. There is a single system of all d s unknowns.
     """
-    d, kinds = form.second.size, (form.kinds, form.second)
-    n, order = d * s, np.arange(d * s)
+    d, n = form.second.size, form.second.size * s
     if structure is None:
-        n_jacobians, hold = (s, 0) if few else (1, _HOLD)
-        how = {"order": order, "jacobians": np.zeros((n_jacobians, d, d)), "hold": hold}
-        how |= {"lapack": address_of_factors(n)}
-        room = {"joint": np.empty((n, n)), "dense": np.empty((1, 2, n))}
-        return _solver(no_stages if few else joint_dense, kinds, s, **how, **room)
+        return _solver(
+            no_stages if few else joint_dense,
+            form,
+            s,
+            order=np.arange(n),
+            jacobians=np.zeros((s if few else 1, d, d)),
+            joint=np.empty((n, n)),
+            dense=np.empty((1, 2, n)),
+            lapack=address_of_factors(n),
+            hold=0 if few else _HOLD,
+        )
     joint, band = structure.by_blocks(s), structure.band
-    how = {"jacobians": structure.entries[None].copy(), "joint": joint.entries.copy()}
+    jacobians, entries = structure.entries[None].copy(), joint.entries.copy()
     if band is None:
         held = SparseFactors(joint, float)
-        return _solver(joint_sparse, kinds, s, held, order=order, python=held.address, **how)
+        return _solver(
+            joint_sparse,
+            form,
+            s,
+            held,
+            order=np.arange(n),
+            jacobians=jacobians,
+            joint=entries,
+            python=held.address,
+        )
     lower, upper = ((width + 1) * s - 1 for width in (band.lower, band.upper))
-    dense = np.empty((1, n, 2 * lower + upper + 2))
-    order = (band.order[:, None] * s + np.arange(s)).ravel()
-    how |= {"lower": lower, "upper": upper, "lapack": lapack_address("dgbtrf")}
-    return _solver(joint_banded, kinds, s, order=order, dense=dense, **how)
+    return _solver(
+        joint_banded,
+        form,
+        s,
+        order=(band.order[:, None] * s + np.arange(s)).ravel(),
+        jacobians=jacobians,
+        joint=entries,
+        dense=np.empty((1, n, 2 * lower + upper + 2)),
+        lapack=lapack_address("dgbtrf"),
+        lower=lower,
+        upper=upper,
+    )
 
 
-def _solver(function, kinds, s, held=None, *, order, **given):
+def _solver(function, form, s, held=None, *, order, **given):
     """Return a `StageSolver` of a compiled function, whose `Stages` has the given fields.
 
-    Optional fields that are not given are empty arrays or 0. `kinds` is the pair of `Form.kinds`
-    and `Form.second`, (d,) each.
+    Optional fields that are not given are empty arrays or 0.
     """
-    numbers, second_of = kinds
-    n = int(numbers.max()) + 1
+    n = int(form.kinds.max()) + 1
     second = np.zeros(n, dtype=np.int64)
-    second[numbers] = second_of
+    second[form.kinds] = form.second
     complex_room = [np.zeros(size, complex) for size in (s, (s, s), (s, s))]
     numbers_of = (
         "lower", "upper", "lapack", "lapack_solve", "lapack_values", "lapack_balance", "python",
@@ -130,11 +161,11 @@ def _solver(function, kinds, s, held=None, *, order, **given):
     shifts, back, forth = complex_room
     stages = Stages(
         order=order.astype(np.int64),
-        kinds=numbers,
+        kinds=form.kinds,
         second=second,
         matrices=np.zeros((n, 3, s, s)),
         integral=np.zeros((s, s)),
-        scales=np.ones(numbers.size),
+        scales=np.ones(form.kinds.size),
         shifts=shifts,
         back=back,
         forth=forth,

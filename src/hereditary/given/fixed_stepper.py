@@ -156,8 +156,10 @@ class FixedStepper(ResumableStepper, TangentStepper, JumpingStepper):
             powers=np.zeros((0, width)) if plan.powers is None else plan.powers,
         )
         self._table = checked(table)
-        how = self.n_tangents > 0, self.scheme.solve, system.linear_alone and plan.rows.alike
-        self._newton = newton_of(system.structure, system.d, *how)
+        exact = system.linear_alone and plan.rows.alike
+        self._newton = newton_of(
+            system.structure, system.d, self.n_tangents > 0, self.scheme.solve, exact
+        )
         self._stand_at_start(plan)
 
     def _stand_at_start(self, plan, columns=slice(None)):
@@ -336,9 +338,11 @@ class FixedStepper(ResumableStepper, TangentStepper, JumpingStepper):
     def health(self):
         """Whether steps exceed their stability limit, and whether kernels meet their tolerance."""
         status = self._instability()
-        seen = (int(self._march.counts[name]) for name in ("zigzag", "growth"))
-        remedy = status and remedy_of(self.system, self.scheme, self.h, self._watch, *seen)
-        return Health(status, remedy or "", self._misfit)
+        remedy, counts = "", self._march.counts
+        if status:
+            zigzag, growth = int(counts["zigzag"]), int(counts["growth"])
+            remedy = remedy_of(self.system, self.scheme, self.h, self._watch, zigzag, growth)
+        return Health(status, remedy, self._misfit)
 
     def _instability(self):
         """Return the status of a march beyond its stability limit; None for a stable march."""
@@ -396,8 +400,8 @@ class FixedStepper(ResumableStepper, TangentStepper, JumpingStepper):
 
     def state(self):
         """Return a `State`; a run resumed from it gives the same floats as an unbroken run."""
-        how = replace(self.steps.until(self.n), span=self._span)
-        return state_of(self, self.scheme, how, self.history)
+        steps = replace(self.steps.until(self.n), span=self._span)
+        return state_of(self, self.scheme, steps, self.history)
 
     def restore(self, state, allow_change=False):
         """Go on from `state`; `allow_change` admits a right-hand side other than the state's."""
@@ -409,8 +413,8 @@ class FixedStepper(ResumableStepper, TangentStepper, JumpingStepper):
 
     def identity(self, t):
         """Return a description of a run to time t, which a run that resumes it must match."""
-        how = {"scheme": described(self.scheme), "history": described(self.history)}
-        return identity(self.system, t, **how)
+        scheme, history = described(self.scheme), described(self.history)
+        return identity(self.system, t, scheme=scheme, history=history)
 
     @property
     def n_data(self):
@@ -438,8 +442,8 @@ class FixedStepper(ResumableStepper, TangentStepper, JumpingStepper):
         matrix : ndarray, shape (k, k)
         """
         matrix = np.ascontiguousarray(matrix, dtype=float)
-        how = self._marched.d, int(self._lasting), matrix
-        transform_march(self._march, self.memory.arrays, *how)
+        arrays, d = self.memory.arrays, self._marched.d
+        transform_march(self._march, arrays, d, int(self._lasting), matrix)
 
     def grow(self, stop, schedule):
         """Make steps as `advance` does, and orthonormalise the tangents when `schedule` says so.

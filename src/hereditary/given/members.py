@@ -45,7 +45,7 @@ class MemberStepper(FixedStepper):
     def _plan_of_all(self):
         """Return the scheme's plan for the components of all members, joined to one system."""
         members = zip(self._y0, self._params, strict=True)
-        systems = [self._inside(displaced(self.system, *member)) for member in members]
+        systems = [self._inside(displaced(self.system, y0, params)) for y0, params in members]
         return self._planned(side_by_side(systems))
 
     def begin(self, m):

@@ -75,13 +75,11 @@ def open_given(system, scheme, history, how, state, allow_change, directions):
     return _prepared(stepper, how.n), how.n
 
 
-def open_members(system, scheme, history, how, *members):
-    """Return a `MemberStepper` for an ensemble of E members.
-
-    `members` are their parameters (E, p), their initial values (E, m, d), and optionally a plan.
-    """
+def open_members(system, scheme, history, how, params, y0, plan=None):
+    """Return a `MemberStepper` for an ensemble; for its last arguments see there."""
     history = history or _EXPONENTIALS
-    return _prepared(MemberStepper(system, scheme, history, how, how.n, *members), how.n)
+    stepper = MemberStepper(system, scheme, history, how, how.n, params, y0, plan)
+    return _prepared(stepper, how.n)
 
 
 def _prepared(stepper, n):

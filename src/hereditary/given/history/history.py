@@ -91,8 +91,9 @@ class NoMemory(OpenHistory):
     """The empty memory of an equation whose terms all have integer orders."""
 
     def __init__(self, n_columns, block_weights, block_start_weights):
-        none = exchange_nothing, Tables(), held(n_columns)
-        super().__init__(*none, block_weights, block_start_weights)
+        super().__init__(
+            exchange_nothing, Tables(), held(n_columns), block_weights, block_start_weights
+        )
 
     def prepare(self, n_end: int) -> None:
         """Do nothing: a march of any length needs no storage."""

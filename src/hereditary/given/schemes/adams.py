@@ -111,8 +111,10 @@ def _plan(system, h, corrections):
     0 means an implicit step by Newton's method.
     """
     weighed, start = (partial(_weighed, h=h, rule=rule) for rule in (HATS, FIRST_VALUE))
-    how = {"integral": True, "first_modal": 3, "sweeps": corrections, "slowest": QUICK}
-    plan = uniform_plan(system, h, 1.0, weighed, starts=[(start, 0.0)], **how)
+    plan = uniform_plan(
+        system, h, 1.0, weighed, starts=[(start, 0.0)], integral=True, first_modal=3,
+        sweeps=corrections, slowest=QUICK,
+    )  # fmt: skip
     return replace(plan, region=_region(system, plan.rows.lead[plan.groups, 0], corrections))
 
 
