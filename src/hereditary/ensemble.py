@@ -322,17 +322,17 @@ def ensemble(
     threads = threads if threads is None else count("threads", threads)
     workers = workers if workers is None else _processes(workers, threads)
     began = time.perf_counter()
-    stepping: dict[str, Any] = {
-        "rtol": rtol,
-        "atol": atol,
-        "n_steps": n_steps,
-        "max_step": max_step,
-    }
-    how = {"scheme": scheme, "history": history, "breaks": breaks, "events": listed(events)}
-    how |= {"switches": listed(switches), "components": kept_components(equation, components)}
+    arguments: dict[str, Any] = {
+        "rtol": rtol, "atol": atol, "n_steps": n_steps, "max_step": max_step, "scheme": scheme,
+        "history": history, "breaks": breaks, "events": listed(events),
+        "switches": listed(switches), "components": kept_components(equation, components),
+    }  # fmt: skip
     kept = steps = None
     if not chooses_steps(scheme):
-        steps = how_to_step(equation.system, scheme, t_last - start, history=history, **stepping)
+        steps = how_to_step(
+            equation.system, scheme, t_last - start,
+            history=history, rtol=rtol, atol=atol, n_steps=n_steps, max_step=max_step,
+        )  # fmt: skip
         kept = _kept(steps, save_every, times, start)
         times = start + steps.h * kept
         times[-1] = t_last if kept[-1] == steps.n else times[-1]
@@ -341,7 +341,7 @@ def ensemble(
         refuse("save_every", required, save_every, "give t_eval")
     elif times is None:
         times = np.array([start, t_last])
-    run = _Run(members, times, t_last, kept, steps, stepping | how, _each(changes, members.size))
+    run = _Run(members, times, t_last, kept, steps, arguments, _each(changes, members.size))
     if workers is None:
         run.march(1 if equation.system.callbacks else threads, progress)
     else:
@@ -461,23 +461,24 @@ class _Run:
     """Members of which some are solved: their rows, and how each ended.
 
     `kept` (n,) are the numbers of the steps, of `UniformSteps`, whose rows are kept. Both are None
-    if a tolerance chooses steps. `changes` are those of each member.
+    if a tolerance chooses steps. `arguments` are those of `solve`, and `changes` those of each
+    member.
     """
 
     def __init__(
-        self, members: Any, times: np.ndarray, t_end: float, kept: Any, steps: Any, how: dict,
-        changes: list[Mapping],
+        self, members: Any, times: np.ndarray, t_end: float, kept: Any, steps: Any,
+        arguments: dict, changes: list[Mapping],
     ) -> None:  # fmt: skip
         self._members, self._times, self._t_end = members, times, t_end
-        self._kept, self._steps, self._how, self._changes = kept, steps, how, changes
+        self._kept, self._steps, self._changes, self._arguments = kept, steps, changes, arguments
         size, frame = members.size, members.base.system.frame
         every = frame.values(members.base.y0[0])
-        self._chosen = slice(None) if how["components"] is None else how["components"]
-        width, n_events = every[self._chosen].size, len(how["events"])
+        self._chosen = slice(None) if arguments["components"] is None else arguments["components"]
+        width, n_events = every[self._chosen].size, len(arguments["events"])
         none = [np.empty(0)] * n_events, [np.empty((0, every.size), every.dtype)] * n_events
         self._events = [none] * size
         numbers = width * (2 if frame.paired else 1)
-        _, y, ydot = room_for(size * times.size, numbers, how["n_steps"] is not None)
+        _, y, ydot = room_for(size * times.size, numbers, arguments["n_steps"] is not None)
         shape = size, times.size, width
         self._y, self._ydot = (
             (part.view(complex) if frame.paired else part).reshape(shape) for part in (y, ydot)
@@ -557,19 +558,21 @@ class _Run:
 
     def worker(self) -> Callable:
         """Return a function that solves remaining members: `most` of them, or all."""
-        base, one, how = self._members.base, self._solve, self._how
+        base, one, given = self._members.base, self._solve, self._arguments
         # a function in Python reads the parameters of its own equation, so each member needs a
         # separate stepper
         alone = base.system.callbacks or base.system.delays
         if self._kept is not None and not (
-            alone or how["events"] or how["switches"] or any(self._changes)
+            alone or given["events"] or given["switches"] or any(self._changes)
         ):
-            history, t_end = how["history"], self._t_end - base.t_start
-            run = base.system, how["scheme"], history, self._steps
-            members = self._members.params, self._members.inside, self._plan
-            stepper, end = open_members(*run, *members), self._steps.n
+            end = self._steps.n
+            stepper = open_members(
+                base.system, given["scheme"], given["history"], self._steps,
+                self._members.params, self._members.inside, self._plan,
+            )  # fmt: skip
             self._plan = stepper.plan
-            stepper.set_breaks(checked_breaks(how["breaks"], base.t_start), t_end)
+            breaks = checked_breaks(given["breaks"], base.t_start)
+            stepper.set_breaks(breaks, self._t_end - base.t_start)
 
             def one(m: int) -> None:
                 self._march(stepper, end, m)
@@ -619,8 +622,8 @@ class _Run:
         try:
             with silence(), no_estimates():
                 equation = self._members.equation(m)
-                how = self._how | {"changes": self._changes[m], "estimate": False}
-                found = solve(equation, self._t_end, t_eval=self._times, **how)
+                arguments = self._arguments | {"changes": self._changes[m], "estimate": False}
+                found = solve(equation, self._t_end, t_eval=self._times, **arguments)
         except Exception as error:
             found = getattr(error, "result", None)
             if found is None:
@@ -663,9 +666,9 @@ class _Run:
             status=np.array([str(end) for end in ends]),
             messages={m: messages[m] for m in failing},
             stats={"n_steps": np.array(n_steps), "n_rhs": np.array(n_rhs), "seconds": seconds},
-            t_events=[times for times, _ in self._events] if self._how["events"] else [],
-            y_events=[rows for _, rows in self._events] if self._how["events"] else [],
-            components=self._how["components"],
+            t_events=[times for times, _ in self._events] if self._arguments["events"] else [],
+            y_events=[rows for _, rows in self._events] if self._arguments["events"] else [],
+            components=self._arguments["components"],
         )
 
 

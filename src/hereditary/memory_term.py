@@ -63,7 +63,7 @@ class MemoryTerm:
 
     def __init__(
         self,
-        how: dict[str, Any],
+        settings: dict[str, Any],
         system: System,
         plan: Plan,
         memory: Any,
@@ -72,7 +72,8 @@ class MemoryTerm:
         v0: np.ndarray,
         term0: np.ndarray,
     ) -> None:
-        self._how, self._system, self._plan, self._memory, self._h = how, system, plan, memory, h
+        self._settings, self._system, self._plan = settings, system, plan
+        self._memory, self._h = memory, h
         self._shape, width = u0.shape, u0.size
         self._groups = np.zeros(width, dtype=np.int64)
         self._u, self._shift, self._term0 = u0.ravel(), h * v0.ravel(), term0.ravel()
@@ -107,7 +108,7 @@ class MemoryTerm:
 
     def _known_part(self) -> np.ndarray:
         refuse_late(self._system, (self.n + 1) * self._h)
-        if self.n >= self._how["steps"]:
+        if self.n >= self._settings["steps"]:
             refuse("n_steps", "cover all steps", f"{self.n + 1} of them", "make the term for more")
         p = self.n % BLOCK
         if p == 0 and self._opened < self.n:
@@ -125,7 +126,7 @@ class MemoryTerm:
     def _open(self) -> None:
         """Open the block that begins here: the memory adds all older pieces to its lag."""
         n, memory = self.n, self._memory
-        memory.prepare(min(n + BLOCK, self._how["steps"]))
+        memory.prepare(min(n + BLOCK, self._settings["steps"]))
         memory.reach(n, self._pieces, self._groups)
         known = MarchMemory(memory.exchange, memory.tables, memory.arrays)
         open_lag(self._lag, self._pieces, n, self._groups, memory.block_weights, known)
@@ -165,7 +166,7 @@ class MemoryTerm:
     def _made(self, n: int) -> dict[str, Any]:
         """Return the properties that a term shares with that of a restored state at step n."""
         terms = described_terms(self._system, n * self._h)
-        return {**self._how, **terms, "shape": self._shape, "h": self._h}
+        return {**self._settings, **terms, "shape": self._shape, "h": self._h}
 
     def restore(self, state: MemoryTermState) -> None:
         """Continue from a `state` of a term made with the same arguments.
@@ -265,7 +266,7 @@ def memory_term(
         history = SumOfExponentials()
     instance("history", history, History, "hereditary.SumOfExponentials()")
     start = real_array("u0", u0)
-    speed, value = (_array(*given, start.shape) for given in (("v0", v0), ("term0", term0)))
+    speed, value = _array("v0", v0, start.shape), _array("term0", term0, start.shape)
     operator, by_values = _operator(kernel_or_order)
     if n_steps is None and by_values:
         required = "be given with a kernel that is known by its values"
@@ -279,8 +280,8 @@ def memory_term(
     memory = history.open(plan.past, start.size, BLOCK, covered)
     warn_of_fit(max(memory.kernel_errors), getattr(history, "tol", 0.0))
     last = most if by_values else math.inf
-    how = {"scheme": described(scheme), "history": described(history), "steps": last}
-    return MemoryTerm(how, system, plan, memory, h, start, speed, value)
+    settings = {"scheme": described(scheme), "history": described(history), "steps": last}
+    return MemoryTerm(settings, system, plan, memory, h, start, speed, value)
 
 
 def _operator(kernel_or_order: Any) -> Any:

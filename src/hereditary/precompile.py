@@ -127,7 +127,10 @@ def _on_given_steps() -> list[Callable[[], Any]]:
         (linear, steps | {"scheme": hd.IMEX(hd.BDF(2))}),
     ]
     return [
-        *(partial(hd.solve, equation, 1.0, estimate=False, **how) for equation, how in runs),
+        *(
+            partial(hd.solve, equation, 1.0, estimate=False, **arguments)
+            for equation, arguments in runs
+        ),
         partial(hd.ensemble, one, 1.0, 40, y0=[1.0, 2.0]),
         partial(hd.lyapunov, one, 1.0, 40),
         partial(hd.lyapunov, one, 1.0, 40, scheme=hd.BDF(2)),

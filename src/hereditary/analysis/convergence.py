@@ -155,10 +155,10 @@ def convergence_table(
     if (n_steps is None) == (rtol is None):
         required, got = "be given, one of the two", "neither" if rtol is None else "both"
         refuse("n_steps or rtol", required, got)
-    how: dict[str, Any] = {"scheme": scheme, "history": history, "breaks": breaks}
+    shared: dict[str, Any] = {"scheme": scheme, "history": history, "breaks": breaks}
 
     def run(**steps: Any) -> Solution:
-        found = solve(equation, t_end, estimate=False, **how, **steps)
+        found = solve(equation, t_end, estimate=False, **shared, **steps)
         if not found.success:
             ((name, value),) = steps.items()
             said = f"{value} steps" if name == "n_steps" else f"rtol = {value:g}"

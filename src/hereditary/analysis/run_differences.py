@@ -56,7 +56,7 @@ class RunDifferences:
         End of the runs, the user's time.
     times : ndarray, shape (n,)
         Times of the rows.
-    how : dict
+    arguments : dict
         Arguments of `solve`.
     bar : ProgressBar
     n_numbers : int
@@ -75,24 +75,24 @@ class RunDifferences:
         equation: Equation,
         t_last: float,
         times: np.ndarray,
-        how: dict[str, Any],
+        arguments: dict[str, Any],
         bar: ProgressBar,
         n_numbers: int,
     ) -> None:
-        self._equation, self._t_last, self._times, self._given = equation, t_last, times, how
-        self._bar, self.n_runs = bar, 1 + 2 * n_numbers
+        self._equation, self._t_last, self._times = equation, t_last, times
+        self._given, self._bar, self.n_runs = arguments, bar, 1 + 2 * n_numbers
         self._made, self._bend = 0, 0.0
         self._tries: list[dict[str, Any]] = [{}]
-        if chooses_steps(how["scheme"]):
-            wanted = how["rtol"] or _DEFAULT
+        if chooses_steps(arguments["scheme"]):
+            wanted = arguments["rtol"] or _DEFAULT
             tight = [{"rtol": rtol, "atol": None} for rtol in _TIGHT if rtol < wanted]
             self._tries = [*tight, {"rtol": wanted}]
         self._ask(self._tries[0])
 
     def _ask(self, tolerances: dict[str, Any]) -> None:
         """Let runs have these tolerances in place of the user's."""
-        self._how = self._given | {"estimate": False} | tolerances
-        self.change = max(_CHANGE, float(np.cbrt(_RUN_ERROR * (self._how["rtol"] or 0.0))))
+        self._arguments = self._given | {"estimate": False} | tolerances
+        self.change = max(_CHANGE, float(np.cbrt(_RUN_ERROR * (self._arguments["rtol"] or 0.0))))
 
     def run(self) -> Solution:
         """Return the run of the equation itself, to the first tolerance with which it completes.
@@ -178,7 +178,7 @@ class RunDifferences:
         """Return derivatives by the orders of all terms at the first n times, (n, d, n_terms)."""
         self._times = self._times[:n]
         self._made = max(self._made, 1)  # tangents count as a run
-        by_tolerance = chooses_steps(self._how["scheme"])
+        by_tolerance = chooses_steps(self._arguments["scheme"])
         change = self.change if by_tolerance else _ORDER_BY_STEPS
 
         def moved(k: int, by: float) -> Equation:
@@ -220,7 +220,7 @@ class RunDifferences:
 
     def _solved(self, equation: Equation) -> Solution:
         with no_estimates():
-            found = solve(equation, self._t_last, t_eval=self._times, **self._how)
+            found = solve(equation, self._t_last, t_eval=self._times, **self._arguments)
         self._made += 1
         self._bar.update(min(self._made / self.n_runs, 1.0))
         if found.status is Status.INTERRUPTED:

@@ -155,21 +155,25 @@ def sensitivities(
     scheme = chosen_scheme(scheme, rtol, n_steps, None, None)
     times = evaluation_times(t_eval, start, t_last)
     times = np.array([start, t_last]) if times is None else times
-    how: dict[str, Any] = {"scheme": scheme, "history": history, "n_steps": n_steps}
-    how |= {"rtol": rtol, "atol": atol, "max_step": max_step}
-    stepping = how_to_step(equation.system, t_end=t_last - start, **how)
+    stepping = how_to_step(
+        equation.system, scheme, t_last - start,
+        history=history, n_steps=n_steps, rtol=rtol, atol=atol, max_step=max_step,
+    )  # fmt: skip
     if not chooses_steps(scheme):  # times of steps may be given up to rounding
         kept_steps(times, stepping.h, start)
-    how["breaks"] = breaks
+    arguments: dict[str, Any] = {
+        "scheme": scheme, "history": history, "n_steps": n_steps, "rtol": rtol, "atol": atol,
+        "max_step": max_step, "breaks": breaks,
+    }  # fmt: skip
     reason, bar = obstacle(equation, scheme), ProgressBar(progress)
     counts = {"params": equation.params.size, "orders": len(equation.terms)}
     counts["y0"] = len(initial_data(equation)) if reason else 0
     by_runs = sum(counts[kind] for kind in kinds if reason or kind == "orders")
-    runs = RunDifferences(equation, t_last, times, how, bar, by_runs)
+    runs = RunDifferences(equation, t_last, times, arguments, bar, by_runs)
     try:
         if reason:
             return _by_runs(runs, kinds, reason)
-        return _by_tangents(equation, t_last, times, kinds, how, stepping, runs, bar)
+        return _by_tangents(equation, t_last, times, kinds, arguments, stepping, runs, bar)
     finally:
         bar.close()
 
@@ -191,26 +195,29 @@ def _by_tangents(
     t_last: float,
     times: np.ndarray,
     kinds: tuple[str, ...],
-    how: dict[str, Any],
+    arguments: dict[str, Any],
     stepping: Any,
     runs: RunDifferences,
     bar: ProgressBar,
 ) -> Sensitivities:
-    """Return derivatives that are solved with the solution; those by orders from `runs`."""
+    """Return derivatives that are solved with the solution; those by orders from `runs`.
+
+    `arguments` are those of `solve`.
+    """
+    scheme, history = arguments["scheme"], arguments["history"]
     start, size = equation.t_start, equation.params.size if "params" in kinds else 0
     system = replace(equation.system, by_params=size)
     n_data = system.n_solved + int(np.sum(system.second))
     directions = np.eye(n_data)[:, : n_data if "y0" in kinds else 0]
     directions = np.hstack([np.zeros((n_data, size)), directions])
     span = t_last - start
-    opened = system, how["scheme"], how["history"], stepping, span
-    stepper, _ = open_stepper(*opened, directions=directions)
-    stepper.set_breaks(checked_breaks(how["breaks"], start), span)
+    stepper, _ = open_stepper(system, scheme, history, stepping, span, directions=directions)
+    stepper.set_breaks(checked_breaks(arguments["breaks"], start), span)
 
     def made() -> None:
         bar.update(min(stepper.t / span, 1.0) / runs.n_runs)
 
-    if chooses_steps(how["scheme"]):
+    if chooses_steps(scheme):
         rows = _between_steps(stepper, times - start, made)
     else:
         rows = _at_steps(stepper, kept_steps(times, stepping.h, start), made)

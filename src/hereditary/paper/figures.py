@@ -150,8 +150,8 @@ def _spectra(
     lines = []
     for (title, fixed), (above, below) in zip(panels.items(), axes.T, strict=True):
         tables = {
-            part: job.sweep(growth_exponent, grid, **how, **CLASSICAL, **fixed)
-            for part, how in runs.items()
+            part: job.sweep(growth_exponent, grid, **run, **CLASSICAL, **fixed)
+            for part, run in runs.items()
         }
         table = merged(tables)
         for part, label in zip(runs, names, strict=False):

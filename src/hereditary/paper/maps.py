@@ -106,13 +106,13 @@ def _diagram(
     """Draw positions in the well, sampled once a period, one panel above the other."""
     grid = {axis: job.few(values, 4)}
     t_end, count = job.size(T_DIAGRAM, 60.0), job.size(N_SAMPLES, 20)
-    how = {"t_end": t_end, "count": count, "n_steps": n_steps and job.size(n_steps, 6000)}
+    n_steps = n_steps and job.size(n_steps, 6000)
     figure, axes = plt.subplots(
         len(panels), 1, figsize=(8, 7), layout="constrained", sharex=True, squeeze=False
     )
     tables, lines = {}, []
     for k, ((title, fixed), ax) in enumerate(zip(panels.items(), axes[:, 0], strict=True)):
-        table = job.sweep(section, grid, **how, **fixed)
+        table = job.sweep(section, grid, t_end=t_end, count=count, n_steps=n_steps, **fixed)
         tables[f"panel_{k + 1}"] = table
         plots.bifurcation(table, ax=ax, ylabel=r"$x \,\mathrm{mod}\, 2\pi$ [-]")
         ax.set(title=title, ylim=(0, 2 * np.pi))

@@ -50,23 +50,25 @@ def growth_exponent(
     *, t_end: float, n_steps: int | None = None, rtol: float | None = None, **parameters: Any
 ) -> dict[str, Any]:
     """Return the leading exponent over [0, t_end], by the paper's scheme or collocation."""
-    how: dict[str, Any] = {"rtol": rtol, "scheme": Collocation()}
-    if rtol is None:
-        how = {"n_steps": n_steps, "scheme": ExplicitCaputo()}
-    return _growth(lyapunov(stick_slip(**parameters), t_end, **how, **ALONE))
+    scheme = ExplicitCaputo() if rtol is None else Collocation()
+    n_steps = n_steps if rtol is None else None
+    equation = stick_slip(**parameters)
+    return _growth(lyapunov(equation, t_end, n_steps, scheme=scheme, rtol=rtol, **ALONE))
 
 
 def exponents(*, horizons: Sequence[float], h: float, **parameters: Any) -> dict[str, Any]:
     """Return the leading exponent at several ascending horizons of one run."""
     steps = [round(t_end / h) for t_end in horizons]
-    how = {"renorm": h * math.gcd(*steps, _INTERVAL), "scheme": ExplicitCaputo(), **ALONE}
-    equation = stick_slip(**parameters)
-    run = lyapunov(equation, horizons[-1], steps[-1], **how)
+    equation, renorm = stick_slip(**parameters), h * math.gcd(*steps, _INTERVAL)
+    run = lyapunov(
+        equation, horizons[-1], steps[-1], scheme=ExplicitCaputo(), renorm=renorm, **ALONE
+    )
     found: dict[str, Any] = {"exponent": [], "slope": [], "slope_stderr": [], "verdict": []}
     for n in steps:
         reached = run.times <= h * (n + 0.5)
-        record = run.times[reached], run.log_growth[reached]
-        late = assess(*record, _WINDOW, _BLOCKS, memory(equation.system))
+        late = assess(
+            run.times[reached], run.log_growth[reached], _WINDOW, _BLOCKS, memory(equation.system)
+        )
         rates = run.trace[reached, 0]
         found["exponent"].append(float(rates[-1]) if rates.size else math.nan)
         found["slope"].append(float(late.slope[0]))
@@ -92,8 +94,11 @@ def orbit(
 
     They are computed by collocation, or with `n_steps` of the scheme of the paper.
     """
-    how = {"rtol": rtol} if n_steps is None else {"n_steps": n_steps, "scheme": ExplicitCaputo()}
-    solution = solve(stick_slip(**parameters), float(times[-1]), **how, estimate=False)
+    tolerance, scheme = (rtol, None) if n_steps is None else (None, ExplicitCaputo())
+    solution = solve(
+        stick_slip(**parameters), float(times[-1]), n_steps, scheme=scheme, rtol=tolerance,
+        estimate=False,
+    )  # fmt: skip
     places, speeds = (values_at(solution, times, derivative)[:, 0] for derivative in (0, 1))
     return places, speeds, sticking_intervals(solution)
 
@@ -105,8 +110,8 @@ def section(
 
     They are computed by collocation, or with given steps of a scheme of second order.
     """
-    how = {"rtol": 1e-7} if n_steps is None else {"n_steps": n_steps, "scheme": BDF(2)}
-    solution = solve(stick_slip(**parameters), t_end, **how)
+    rtol, scheme = (1e-7, None) if n_steps is None else (None, BDF(2))
+    solution = solve(stick_slip(**parameters), t_end, n_steps, scheme=scheme, rtol=rtol)
     found = stroboscopic(solution, wells_period(**parameters), t_end / 2, count)
     speeds = values_at(solution, found.t[np.isfinite(found.t)], 1)[:, 0]
     return {
