@@ -192,9 +192,18 @@ class Ensemble:
             found.extend(map(list, zip(*parts, strict=True)))
         stats = {name: arrays[name] for name in _COUNTS} | {"seconds": text["seconds"]}
         messages = {int(m): message for m, message in text["messages"].items()}
-        rows = arrays["t"], arrays["y"], arrays.get("ydot"), arrays["status"]
         chosen = arrays.get("components")
-        return cls(*rows, messages, stats, events["t_events"], events["y_events"], chosen)
+        return cls(
+            arrays["t"],
+            arrays["y"],
+            arrays.get("ydot"),
+            arrays["status"],
+            messages,
+            stats,
+            events["t_events"],
+            events["y_events"],
+            chosen,
+        )
 
     def __len__(self) -> int:
         return len(self.y)

@@ -159,9 +159,16 @@ class MemoryTerm:
             A named tuple of numbers and arrays, which can be pickled.
         """
         start = np.array([self._shift, self._term0])
-        block = self._lag.copy(), self._pieces.copy()
-        done = self._made(self.n), self.n, self._opened
-        return MemoryTermState(*done, self._u.copy(), start, *block, self._memory.state())
+        return MemoryTermState(
+            self._made(self.n),
+            self.n,
+            self._opened,
+            self._u.copy(),
+            start,
+            self._lag.copy(),
+            self._pieces.copy(),
+            self._memory.state(),
+        )
 
     def _made(self, n: int) -> dict[str, Any]:
         """Return the properties that a term shares with that of a restored state at step n."""

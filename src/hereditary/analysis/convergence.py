@@ -200,8 +200,7 @@ def convergence_table(
         by = "errors by Runge's rule"
         errors = [error / (1 - 2.0**-slope) for error in errors] if slope > 0 else errors
     h = (t_end - equation.t_start) / np.array(numbers)
-    columns = np.array(numbers), h, np.array(errors), orders
-    return ConvergenceTable(*columns, slope, by, tolerances)
+    return ConvergenceTable(np.array(numbers), h, np.array(errors), orders, slope, by, tolerances)
 
 
 def _increasing(n_steps: Any) -> list[int]:

@@ -166,8 +166,9 @@ class CodeCache:
         target = _shipped_for() if self._stored else None
         if target is not None:
             with suppress(Exception):  # a damaged entry may raise anything
-                how = self._options, self._stamp, target.numba, tuple(target[2:])
-                return Shipped(SHIPPED, self._fun, *how).load_overload(sig, context)
+                return Shipped(
+                    SHIPPED, self._fun, self._options, self._stamp, target.numba, tuple(target[2:])
+                ).load_overload(sig, context)
         return None
 
     def _load_own(self, sig, context):

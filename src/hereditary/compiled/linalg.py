@@ -328,8 +328,9 @@ def eigenvalues(matrix):
     arpack = importlib.import_module("scipy.sparse.linalg")  # a slow import
     start = np.random.default_rng(0).normal(size=matrix.shape[0])
     try:
-        how = {"return_eigenvectors": False, "tol": 1e-5, "maxiter": _RESTARTS}
-        return arpack.eigs(matrix, _LARGEST, v0=start, **how)
+        return arpack.eigs(
+            matrix, _LARGEST, v0=start, return_eigenvectors=False, tol=1e-5, maxiter=_RESTARTS
+        )
     except arpack.ArpackNoConvergence as error:
         # eigenvalues of largest modulus converge first, so any that converged are enough; otherwise
         # sqrt(|A|_1 |A|_inf) bounds all moduli

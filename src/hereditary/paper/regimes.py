@@ -183,9 +183,16 @@ def classify(
     for run in runs:
         check_unbroken(run)
     if any(run.status in _CUT_SHORT or not np.isfinite(run.y[:, 0]).all() for run in runs):
-        nothing = {"irregular": math.nan, "recurrence": math.nan, "longest_stay": 0.0}
         return RegimeVerdict(
-            Regime.UNDETERMINED, 0.0, 0.0, cycle=0, n_wells=0, n_stays=0, **nothing
+            Regime.UNDETERMINED,
+            0.0,
+            0.0,
+            cycle=0,
+            n_wells=0,
+            n_stays=0,
+            irregular=math.nan,
+            recurrence=math.nan,
+            longest_stay=0.0,
         )
     orbits = [_Orbit(run, period, spacing, begin) for run in runs]
     votes = [kind for orbit in orbits for window in _WINDOWS for kind in orbit.kinds(window)]
