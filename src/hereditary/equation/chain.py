@@ -150,9 +150,16 @@ def chained(left: Sequence[SystemTerm], y0: np.ndarray, functions: Functions) ->
     of_y, quantities = np.array(pairs, dtype=np.int64).T.copy()
     found = [*own, *((operator, place, 1.0) for (operator, _), place in memory.items())]
     sources = np.append(np.arange(len(pairs)), [s for _, s in memory]).astype(np.int64)
-    how = {"of_y": of_y[sources], "quantities": quantities[sources]}
     left = left_of(found, size)
-    system = System(left, np.take(start, sources, axis=1), functions, None, sources, **how)
+    system = System(
+        left,
+        np.take(start, sources, axis=1),
+        functions,
+        None,
+        sources,
+        of_y=of_y[sources],
+        quantities=quantities[sources],
+    )
     return Chained(system, speeds)
 
 

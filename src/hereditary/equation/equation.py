@@ -232,8 +232,15 @@ class Equation:
             return None
         self.linear, self.jac_sparsity = copied(self.linear), copied(self.jac_sparsity)
         rearranged = len(initial.values) > 2 or matrices or initial.paired or bool(self.memory)
-        how = self.bandwidth, self.jac_sparsity, self.linear
-        return stated(initial.d, self.rhs, self.jac, rearranged, *how)
+        return stated(
+            initial.d,
+            self.rhs,
+            self.jac,
+            rearranged,
+            self.bandwidth,
+            self.jac_sparsity,
+            self.linear,
+        )
 
     def _assembled(self, said: Stated | None, initial: Initial, start: Start) -> Assembled:
         """Check the functions at the start and return them, compiled where numba can."""

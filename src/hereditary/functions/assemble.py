@@ -134,8 +134,7 @@ def switch_of(switch: Any, y: np.ndarray, t: float) -> Any:
     if not callable(switch) or start.paired:
         got = repr(switch) if not start.paired else "complex y"
         refuse("switches", required, got, kind=TypeError)
-    how = start, (1,), RHS_SIG, str, required
-    return function_of("switches", "value", switch, *how).compiled
+    return function_of("switches", "value", switch, start, (1,), RHS_SIG, str, required).compiled
 
 
 def _jacobian(jac: Any, start: Start, shape: tuple[int, ...]) -> _Part:
