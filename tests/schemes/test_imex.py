@@ -145,3 +145,17 @@ def test_few_components_compile_nothing_for_another_matrix():
 
     for first, second in zip(compiled(1.0), compiled(2.0), strict=True):
         assert first == second
+
+
+def test_a_singular_matrix_is_named_and_a_blow_up_is_none():
+    """Implicit Euler steps of 1/2 solve y' = 2 y with the matrix 1 - 1/2 * 2 = 0."""
+
+    def square(t, y):
+        return y**2
+
+    for rate, status in ((2.0, hd.Status.NOT_SOLVED), (-2.0, hd.Status.BLOWN_UP)):
+        equation = hd.Equation(hd.Caputo(1.0), square, [20.0], linear=[[rate]])
+        with pytest.warns(hd.SolveWarning):
+            run = hd.solve(equation, 20.0, 40, scheme=hd.IMEX(hd.L1()))
+        assert run.status is status
+        assert ("the matrix of a step is singular" in run.message) == (rate == 2.0)

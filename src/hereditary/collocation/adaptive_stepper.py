@@ -18,7 +18,7 @@ from ..equation.system import refuse_late
 from ..functions.differences import wrong_jacobian
 from ..kernels.memory_kernel import warn_of_fit
 from ..stepping.state import check_identity, identity, state_of
-from ..stepping.status import Ending, Status, failed
+from ..stepping.status import Status, failed
 from ..stepping.stepper import Health, JumpingStepper, ResumableStepper, TangentStepper
 from ..stepping.times import breaks_ahead
 from ..support.checks import refuse
@@ -28,9 +28,11 @@ from .endings import (
     SINGULAR_ROWS,
     TOO_STEEP,
     UNSOLVED,
+    after_steps,
     ending,
     leaves_domain,
     of_near_orders,
+    of_small_component,
 )
 from .equations import integral_form
 from .first_rule import convolutions, first_rule, known_at_nodes, node_logs
@@ -72,7 +74,6 @@ from .workspace import give_back, take_workspace
 # Longest first step of a solution at rest, as a fraction of the longest step at rest: the nodes of
 # first steps are further apart.
 _FIRST_AT_REST = 1 / 16
-_CORNERS = "name times of jumps and corners of the right-hand side, as a table has, in breaks"
 
 
 # Modes are fitted for steps this many times shorter than the present one, and so is each
@@ -508,7 +509,7 @@ class AdaptiveStepper(ResumableStepper, TangentStepper, JumpingStepper):
             return failed(self._error)
         ended = self._ending
         if ended is None and self.step_limits.used_up(self.n_steps) and self.t < self._t_end:
-            ended = Ending(Status.MAX_STEPS, f"{self.n_steps} in all; {_CORNERS}")
+            ended = after_steps(self.n_steps)
         if ended is None or ended.status is Status.BLOWN_UP:
             return ended
         found = [part for part in (ended.detail, self._small_component()) if part]
@@ -524,8 +525,7 @@ class AdaptiveStepper(ResumableStepper, TangentStepper, JumpingStepper):
         c = int(self._control["worst"])
         if self.allowed.of_step.by_size == 0 or self._state.sizes[c] >= self._sizes[c]:
             return ""
-        name = self._marched.of_y[c] // (2 if self.system.frame.paired else 1)
-        return f"component {name} is below a millionth of the largest, may be rounding: give atol="
+        return of_small_component(self._marched.of_y[c] // (2 if self.system.frame.paired else 1))
 
     @property
     def health(self):

@@ -20,6 +20,7 @@ _DISTANCES_AHEAD = (0.0, 1.0, 10.0, 100.0, 1000.0, -1.0, -10.0, -100.0, -1000.0)
 _JUMP = 0.1
 # If no first step succeeds, f is evaluated at these fractions of the predicted motion.
 _SHARES = 10.0 ** np.arange(-1, -16, -2)
+_CORNERS = "name times of jumps and corners of the right-hand side, as a table has, in breaks"
 _JUMPS = (
     "the right-hand side jumps, or stops being finite, wherever the solution goes on (it may slide "
     "or chatter there); name known times in breaks, functions that change their sign in switches"
@@ -86,6 +87,16 @@ def of_near_orders(gap):
         "within 1e-300 of this time: make these orders equal"
     )
     return TOO_STEEP._replace(detail=f"{_ROUNDS}; {why}")
+
+
+def after_steps(n_steps):
+    """Return the reason why a march ends that has made the largest number of steps."""
+    return Ending(Status.MAX_STEPS, f"{n_steps} in all; {_CORNERS}")
+
+
+def of_small_component(number):
+    """Return a clause on a component far below the others, whose error ended a march."""
+    return f"component {number} is below a millionth of the largest, may be rounding: give atol="
 
 
 def leaves_domain(system, t, y, move):

@@ -17,7 +17,7 @@ from ..equation.terms import SystemTerm
 from ..kernels.memory_kernel import misfit_on_given_steps
 from ..stepping.dense import StepPieces
 from ..stepping.state import check_identity, described, identity, state_of
-from ..stepping.status import NOT_FINITE, Ending, Status, failed
+from ..stepping.status import Status, failed
 from ..stepping.stepper import (
     Grown,
     Health,
@@ -28,10 +28,11 @@ from ..stepping.stepper import (
 )
 from ..stepping.times import ONE_TIME
 from ..support.checks import refuse
-from .block import BLOWN_UP, NOT_SOLVED, RUNNING
+from .block import RUNNING
+from .endings import ending, remedy_of
 from .first_steps import starting_steps
 from .growing_march import LOST, Renormalisations, grow, transform_march
-from .jacobian_watch import JacobianWatch, remedy_of
+from .jacobian_watch import JacobianWatch
 from .linear_solvers import newton_of
 from .march import MARCHES, march_of
 from .riemann_liouville import with_initial_values
@@ -66,8 +67,6 @@ _LEAST = 32
 _PLANS_MAX = 64
 # Most steps in one call of the compiled march if an event may end the call early.
 _SHORT = 256
-# Remedy if not even the first step is solved.
-_FROM_EDGE = "where y begins at an edge of the domain of the right-hand side, use rtol="
 
 
 class FixedStepper(ResumableStepper, TangentStepper, JumpingStepper):
@@ -320,19 +319,8 @@ class FixedStepper(ResumableStepper, TangentStepper, JumpingStepper):
         """Why the march cannot go on, as an `Ending`; None if it can."""
         if self._error is not None:
             return failed(self._error)
-        statuses = {BLOWN_UP: Status.BLOWN_UP, NOT_SOLVED: Status.NOT_SOLVED}
-        detail = "the matrix of a step is singular" if self.scheme.solve == "imex" else ""
-        d = self._marched.d
-        tried, force = self._room.point[:d], self._room.f[:d]
-        if (
-            self.scheme.solve == "newton"
-            and np.isfinite(tried).all()
-            and not np.isfinite(force).all()
-        ):
-            detail = NOT_FINITE
-        if self.scheme.solve == "newton" and self._status == NOT_SOLVED and self.n == 0:
-            detail = f"{detail}; {_FROM_EDGE}" if detail else _FROM_EDGE
-        return Ending(statuses[self._status], detail) if self._status in statuses else None
+        tried, force = self._room.point[: self._marched.d], self._room.f[: self._marched.d]
+        return ending(self._status, self.scheme, self.n, tried, force)
 
     @property
     def health(self):

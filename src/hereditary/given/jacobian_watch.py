@@ -1,18 +1,12 @@
-"""Watch of the stability of a march by Jacobians along the orbit, and remedies for instability."""
+"""Watch of the stability of a march by Jacobians along the orbit."""
 
 import numpy as np
 
-from ..compiled.jacobian import FEW, VALUES
-from .stability import longest_step
+from ..compiled.jacobian import VALUES
 
 # Most components for which stability is watched by dense Jacobians. Beyond it they would take more
 # time and storage than the march.
 _MOST = 2000
-# The step that a message recommends, as a fraction of the longest stable step. Rounded to two
-# digits it is still stable.
-_BELOW = 0.9
-# Shortest step that a message recommends, as a fraction of the run's step.
-_LEAST = 1e-6
 
 
 class JacobianWatch:
@@ -76,33 +70,3 @@ class JacobianWatch:
     def _before(self, n):
         """Return the number of Jacobians that are computed in steps 0 to n - 1."""
         return (n - 1) // self.every + 1
-
-
-def remedy_of(system, scheme, h, watch, zigzag, growth):
-    """Return a clause of a message: how steps h showed their instability, and what to use instead.
-
-    `zigzag` is the step at which the watch noted a lasting zigzag of the increments. `growth` is
-    the step at which it noted that increments had grown from turn to turn. Both are -1 if the watch
-    noted nothing (given/watch.py).
-    """
-    found, start = [], system.frame.start
-    if zigzag >= 0:
-        found.append(f"a step-to-step zigzag had lasted at t = {start + zigzag * h:g}")
-    if growth >= 0:
-        at = f"by t = {start + growth * h:g}"
-        found.append(f"increments that turn within a few steps had grown {at}")
-    if watch.largest > 1:
-        at = f"near t = {start + watch.step * h:g}"
-        found.append(f"d rhs/d y reached {watch.largest:.4g} times its limit {at}")
-    seen = " and ".join(found) + f" at h = {h:g}; take "
-    smaller = "smaller steps"
-    if scheme.solve == "newton":
-        return seen + smaller
-    if watch.largest > 1:
-        step = longest_step(scheme, system, h, watch.largest)
-        # the message names no shorter step: it would come from a blow-up, or take days
-        smaller += f", h = {_BELOW * step:.2g} would do" if step > _LEAST * h else ""
-    implicit = "BDF(2)" if system.constant else "L1()"
-    if system.n_solved > FEW and system.structure is None:
-        implicit += f", with linear= or bandwidth= for {system.n_solved} components"
-    return seen + f"{smaller}, or Collocation() with rtol=1e-6, or {implicit}"

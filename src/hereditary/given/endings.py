@@ -1,0 +1,65 @@
+"""Reasons why a march on given steps cannot go on, and remedies for steps that are unstable."""
+
+import numpy as np
+
+from ..compiled.jacobian import FEW
+from ..stepping.status import NOT_FINITE, Ending, Status
+from .block import BLOWN_UP, NOT_SOLVED
+from .stability import longest_step
+
+# The step that a message recommends, as a fraction of the longest stable step. Rounded to two
+# digits it is still stable.
+_BELOW = 0.9
+# Shortest step that a message recommends, as a fraction of the run's step.
+_LEAST = 1e-6
+# Remedy if not even the first step is solved.
+_FROM_EDGE = "where y begins at an edge of the domain of the right-hand side, use rtol="
+
+
+def ending(status, scheme, n, tried, force):
+    """Return the reason why a march with this status of block.py cannot go on; None if it can.
+
+    The march has made n steps. It took the right-hand side last at y = `tried`, (d,), where it is
+    `force`, (d,).
+    """
+    statuses = {BLOWN_UP: Status.BLOWN_UP, NOT_SOLVED: Status.NOT_SOLVED}
+    if status not in statuses:
+        return None
+    found, unsolved, newton = [], status == NOT_SOLVED, scheme.solve == "newton"
+    if newton and np.isfinite(tried).all() and not np.isfinite(force).all():
+        found.append(NOT_FINITE)
+    if newton and unsolved and n == 0:
+        found.append(_FROM_EDGE)
+    if scheme.solve == "imex" and unsolved:
+        found.append("the matrix of a step is singular")
+    return Ending(statuses[status], "; ".join(found))
+
+
+def remedy_of(system, scheme, h, watch, zigzag, growth):
+    """Return a clause of a message: how steps h showed their instability, and what to use instead.
+
+    `zigzag` is the step at which the watch noted a lasting zigzag of the increments. `growth` is
+    the step at which it noted that increments had grown from turn to turn. Both are -1 if the watch
+    noted nothing (given/watch.py).
+    """
+    found, start = [], system.frame.start
+    if zigzag >= 0:
+        found.append(f"a step-to-step zigzag had lasted at t = {start + zigzag * h:g}")
+    if growth >= 0:
+        at = f"by t = {start + growth * h:g}"
+        found.append(f"increments that turn within a few steps had grown {at}")
+    if watch.largest > 1:
+        at = f"near t = {start + watch.step * h:g}"
+        found.append(f"d rhs/d y reached {watch.largest:.4g} times its limit {at}")
+    seen = " and ".join(found) + f" at h = {h:g}; take "
+    smaller = "smaller steps"
+    if scheme.solve == "newton":
+        return seen + smaller
+    if watch.largest > 1:
+        step = longest_step(scheme, system, h, watch.largest)
+        # the message names no shorter step: it would come from a blow-up, or take days
+        smaller += f", h = {_BELOW * step:.2g} would do" if step > _LEAST * h else ""
+    implicit = "BDF(2)" if system.constant else "L1()"
+    if system.n_solved > FEW and system.structure is None:
+        implicit += f", with linear= or bandwidth= for {system.n_solved} components"
+    return seen + f"{smaller}, or Collocation() with rtol=1e-6, or {implicit}"
