@@ -48,6 +48,17 @@ def test_compiled_functions_have_a_record_and_five_values_at_most():
             assert len(node.args.args) <= 6, (path, node.name)
 
 
+def test_functions_that_python_calls_have_types():
+    """Types of compiled functions are in their signatures and docstrings."""
+    for path, tree in TREES.items():
+        functions = [node for node in ast.walk(tree) if isinstance(node, ast.FunctionDef)]
+        outer = {id(n) for f in functions for n in ast.walk(f) if n is not f}
+        for node in functions if not path.startswith("collocation") else ():
+            names = {getattr(getattr(d, "func", d), "id", "") for d in node.decorator_list}
+            known = id(node) in outer or names & DECORATORS
+            assert known or path.startswith("compiled") or node.returns, (path, node.name)
+
+
 def nested(node):
     """Lines of the functions that a function makes, which are counted by themselves."""
     inner = [n for n in node.body if isinstance(n, ast.FunctionDef)]

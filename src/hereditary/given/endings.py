@@ -1,10 +1,15 @@
 """Reasons why a march on given steps cannot go on, and remedies for steps that are unstable."""
 
+from __future__ import annotations
+
 import numpy as np
 
 from ..compiled.jacobian import FEW
+from ..equation.system import System
+from ..stepping.scheme import Scheme
 from ..stepping.status import NOT_FINITE, Ending, Status
 from .block import BLOWN_UP, NOT_SOLVED
+from .jacobian_watch import JacobianWatch
 from .stability import longest_step
 
 # The step that a message recommends, as a fraction of the longest stable step. Rounded to two
@@ -16,7 +21,9 @@ _LEAST = 1e-6
 _FROM_EDGE = "where y begins at an edge of the domain of the right-hand side, use rtol="
 
 
-def ending(status, scheme, n, tried, force):
+def ending(
+    status: int, scheme: Scheme, n: int, tried: np.ndarray, force: np.ndarray
+) -> Ending | None:
     """Return the reason why a march with this status of block.py cannot go on; None if it can.
 
     The march has made n steps. It took the right-hand side last at y = `tried`, (d,), where it is
@@ -35,7 +42,9 @@ def ending(status, scheme, n, tried, force):
     return Ending(statuses[status], "; ".join(found))
 
 
-def remedy_of(system, scheme, h, watch, zigzag, growth):
+def remedy_of(
+    system: System, scheme: Scheme, h: float, watch: JacobianWatch, zigzag: int, growth: int
+) -> str:
     """Return a clause of a message: how steps h showed their instability, and what to use instead.
 
     `zigzag` is the step at which the watch noted a lasting zigzag of the increments. `growth` is

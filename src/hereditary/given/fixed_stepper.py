@@ -1,9 +1,12 @@
 """The stepper for steps given in advance: each call advances one march by many steps."""
 
+from __future__ import annotations
+
 import time
 from dataclasses import replace
 from functools import lru_cache, partial
 from operator import attrgetter
+from typing import Any
 
 import numpy as np
 
@@ -16,8 +19,9 @@ from ..equation.system import System, refuse_late, variational
 from ..equation.terms import SystemTerm
 from ..kernels.memory_kernel import misfit_on_given_steps
 from ..stepping.dense import StepPieces
-from ..stepping.state import check_identity, described, identity, state_of
-from ..stepping.status import Status, failed
+from ..stepping.scheme import Scheme
+from ..stepping.state import State, check_identity, described, identity, state_of
+from ..stepping.status import Ending, Status, failed
 from ..stepping.stepper import (
     Grown,
     Health,
@@ -32,14 +36,17 @@ from .block import RUNNING
 from .endings import ending, remedy_of
 from .first_steps import starting_steps
 from .growing_march import LOST, Renormalisations, grow, transform_march
+from .history.history import History
 from .jacobian_watch import JacobianWatch
 from .linear_solvers import newton_of
 from .march import MARCHES, march_of
+from .plan import Plan
 from .riemann_liouville import with_initial_values
 from .signatures import (
     MARCH_COUNTS,
     MARCH_SIG,
     MONITOR,
+    GivenMarch,
     GivenWork,
     March,
     MarchMemory,
@@ -47,7 +54,7 @@ from .signatures import (
     StepArrays,
     StepTable,
 )
-from .steps import before_break, break_steps, rows_beside
+from .steps import MeshSteps, UniformSteps, before_break, break_steps, rows_beside
 
 # Steps in a block. With 56 modes a step took 74, 75 and 85 ns in blocks of 16, 32 and 64 steps. In
 # blocks of 64 steps the sums inside the block dominate, in blocks below 16 the calls of the
@@ -95,7 +102,16 @@ class FixedStepper(ResumableStepper, TangentStepper, JumpingStepper):
         Number of steps made.
     """
 
-    def __init__(self, system, scheme, history, steps, n_steps, directions=None, block=BLOCK):
+    def __init__(
+        self,
+        system: System,
+        scheme: Scheme,
+        history: History,
+        steps: UniformSteps | MeshSteps,
+        n_steps: int,
+        directions: np.ndarray | None = None,
+        block: int = BLOCK,
+    ) -> None:
         scheme.check_terms(system)
         refuse_late(system, steps.time(n_steps))
         self.system, self.scheme, self.history = system, scheme, history
@@ -118,14 +134,14 @@ class FixedStepper(ResumableStepper, TangentStepper, JumpingStepper):
         self._misfit = misfit_on_given_steps(self.memory.kernel_errors, history)
         self._status, self._jumped = RUNNING, False
         self._seconds, self._most = 0.0, _NUMBERS  # seconds a step takes; most steps in one call
-        self._error = None
+        self._error: Exception | None = None
         self._breaks: frozenset[int] = frozenset()
 
-    def _inside(self, system):
+    def _inside(self, system: System) -> System:
         """Return the system that the march solves: the scheme's reduced one, or `system`."""
         return self.scheme.reduction(system) or system
 
-    def _planned(self, system):
+    def _planned(self, system: System) -> Plan:
         """Return the scheme's plan for a system, with y(0) in its Riemann-Liouville terms."""
         order = self.scheme.order(self.system.highest_order)
         if not (self.scheme.plans_by_terms and system.constant and self.h and system.d <= FEW):
@@ -133,7 +149,7 @@ class FixedStepper(ResumableStepper, TangentStepper, JumpingStepper):
         y0 = system.y0.shape, system.y0.tobytes(), system.sources.tobytes()
         return _kept_plan(self.scheme, self.h, order, system.terms_key, *y0)
 
-    def _begin(self, plan):
+    def _begin(self, plan: Plan) -> None:
         """Open the history's memory for a plan, and set up the march at step 0."""
         self.memory = self.history.open(plan.past, plan.groups.size, self._block, self._span)
         self._loop, system = MARCHES[self.scheme.solve], self._marched
@@ -161,7 +177,7 @@ class FixedStepper(ResumableStepper, TangentStepper, JumpingStepper):
         )
         self._stand_at_start(plan)
 
-    def _stand_at_start(self, plan, columns=slice(None)):
+    def _stand_at_start(self, plan: Plan, columns: slice = slice(None)) -> None:
         """Set the march to step 0 with an empty memory, from the selected columns of a plan."""
         orders, x = self.system.highest_orders(), plan.initial[columns].copy()
         width, none = x.size, np.zeros((0, plan.initial.size))
@@ -192,20 +208,20 @@ class FixedStepper(ResumableStepper, TangentStepper, JumpingStepper):
         self._room = StepArrays._make([*room, self._marched.positive_units])
         self._right = self._marched.compiled
 
-    def set_breaks(self, times, t_end):
+    def set_breaks(self, times: np.ndarray, t_end: float) -> None:
         """Let each step next to a jump of f evaluate f on its own side of the jump.
 
         `times` (k,) are the times of the jumps up to `t_end`.
         """
         self._breaks = break_steps(times, self.t, t_end, self.steps, self.system.frame.start)
 
-    def prepare(self, n_end):
+    def prepare(self, n_end: int) -> None:
         """Allocate storage for a march up to step `n_end`."""
         refuse_late(self.system, self.steps.time(n_end))
         self._past.prepare(n_end)
         self.memory.prepare(n_end)
 
-    def advance(self, stop, keep=True):
+    def advance(self, stop: float, keep: bool = True) -> StepPieces | None:
         """Make steps towards step `stop`, as many as take about a tenth of a second.
 
         Return the steps as `StepPieces`, or None if no step was made or `keep` is false. If the
@@ -229,7 +245,7 @@ class FixedStepper(ResumableStepper, TangentStepper, JumpingStepper):
         times = self.steps.times(np.arange(n, n + made + 1.0))
         return StepPieces(times, rows[: made + 1], slopes[: made + 1], starting, n)
 
-    def _steps_at_once(self):
+    def _steps_at_once(self) -> int:
         """Return the number of steps to make in one call of the compiled march.
 
         It follows from the measured time of earlier steps. Before the first step it follows from
@@ -246,7 +262,7 @@ class FixedStepper(ResumableStepper, TangentStepper, JumpingStepper):
         most = min(max(_NUMBERS // system.d, _LEAST), self._most)
         return int(min(max(_SECONDS / self._seconds, 1), most))
 
-    def _march_to(self, n_end, rows, slopes):
+    def _march_to(self, n_end: int, rows: np.ndarray, slopes: np.ndarray) -> None:
         """March to step `n_end`, and write solution and slopes of its k steps, or none for k = 0.
 
         Each row of `rows` and `slopes`, (k, d), belongs to the end of one step.
@@ -263,7 +279,7 @@ class FixedStepper(ResumableStepper, TangentStepper, JumpingStepper):
             if self._status != RUNNING:
                 return
 
-    def _enter(self, n_end, rows, slopes):
+    def _enter(self, n_end: int, rows: np.ndarray, slopes: np.ndarray) -> int:
         """Call the compiled march once, and check stability by Jacobians along the orbit."""
         memory, start = self.memory, self.system.frame.start
         if self.n in self._breaks:
@@ -285,7 +301,7 @@ class FixedStepper(ResumableStepper, TangentStepper, JumpingStepper):
             self._read_step()
             self._watch.note(jacobians, self.n)
 
-    def _read_step(self):
+    def _read_step(self) -> None:
         """Set `n` to the number of steps that the march has made."""
         self.n = int(self._march.counts["step"])  # counts.step would take ten times as long
 
@@ -293,29 +309,29 @@ class FixedStepper(ResumableStepper, TangentStepper, JumpingStepper):
     position = property(attrgetter("n"))
 
     @property
-    def t(self):
+    def t(self) -> float:
         """Time that the march has reached, counted from 0 [time]."""
         return self.steps.time(self.n)
 
     @property
-    def y(self):
+    def y(self) -> np.ndarray:
         """Solution at `t`, (d,), in the components that have an equation; a copy."""
         return self._march.x[: self.system.n_solved].copy()
 
     @property
-    def ydot(self):
+    def ydot(self) -> np.ndarray:
         """First derivative at `t`, from the newest two increments, shape (d,)."""
         slope = self._slopes()[: self.system.n_solved]
         # before the first step only components with an initial derivative have a slope
         known = self.n > 0 or (self.system.m == 1 and not self.system.frame.speeds)
         return slope if known else np.where(self.system.second, slope, np.nan)
 
-    def _slopes(self):
+    def _slopes(self) -> np.ndarray:
         """Return the first derivatives of all columns, those of orbit and tangents."""
         return (self._march.increment + 0.5 * self._march.change) / self.steps.unit(self.n)
 
     @property
-    def trouble(self):
+    def trouble(self) -> Ending | None:
         """Why the march cannot go on, as an `Ending`; None if it can."""
         if self._error is not None:
             return failed(self._error)
@@ -323,7 +339,7 @@ class FixedStepper(ResumableStepper, TangentStepper, JumpingStepper):
         return ending(self._status, self.scheme, self.n, tried, force)
 
     @property
-    def health(self):
+    def health(self) -> Health:
         """Whether steps exceed their stability limit, and whether kernels meet their tolerance."""
         status = self._instability()
         remedy, counts = "", self._march.counts
@@ -332,7 +348,7 @@ class FixedStepper(ResumableStepper, TangentStepper, JumpingStepper):
             remedy = remedy_of(self.system, self.scheme, self.h, self._watch, zigzag, growth)
         return Health(status, remedy, self._misfit)
 
-    def _instability(self):
+    def _instability(self) -> Status | None:
         """Return the status of a march beyond its stability limit; None for a stable march."""
         if self.scheme.is_map:
             return None
@@ -341,7 +357,7 @@ class FixedStepper(ResumableStepper, TangentStepper, JumpingStepper):
         unstable = self._watch.largest > 1 or self._march.counts["growth"] >= 0
         return Status.STEP_TOO_LARGE if unstable else None
 
-    def stats(self):
+    def stats(self) -> dict[str, Any]:
         """Return counts and errors for the `stats` of the solution."""
         return {
             "n_steps": self.n,
@@ -353,12 +369,16 @@ class FixedStepper(ResumableStepper, TangentStepper, JumpingStepper):
             "kernel_error": self.memory.kernel_errors.reported,
         }
 
-    def checkpoint(self):
+    def checkpoint(
+        self,
+    ) -> tuple[tuple[np.ndarray, ...], tuple[np.ndarray, ...], tuple[float, int]]:
         """Return copies of the march's state, its memory and its stability watch."""
         march = tuple(plain(part).copy() for part in self._march)
         return march, self.memory.state(), (self._watch.largest, self._watch.step)
 
-    def come_back(self, checkpoint):
+    def come_back(
+        self, checkpoint: tuple[tuple[np.ndarray, ...], tuple[np.ndarray, ...], tuple[float, int]]
+    ) -> None:
         """Return the march to the step at which `checkpoint` was taken."""
         (counts, *parts), memory, watched = checkpoint
         march = March(record(MARCH_COUNTS, tuple(counts[0])), *(part.copy() for part in parts))
@@ -371,14 +391,14 @@ class FixedStepper(ResumableStepper, TangentStepper, JumpingStepper):
         self._error, self._status = None, RUNNING
         self._refactorise()
 
-    def _refactorise(self):
+    def _refactorise(self) -> None:
         """Factorise the matrix of a restored march again, if its factors are in use."""
         if self._march.counts["kept"]:
             solver, tables = self._newton.solver, self._newton.tables
             room = np.empty(tables.order.size)
             solver(FACTORISE, 0, self._march.newton[1], room, by_reference(tables, LINEAR))
 
-    def stop_at(self, t):
+    def stop_at(self, t: float) -> Stop:
         """Return the first step n with t_n >= t, and t_n, as a `Stop`.
 
         The user's times count from `start`, whose rounding errors do not make a step later.
@@ -386,12 +406,12 @@ class FixedStepper(ResumableStepper, TangentStepper, JumpingStepper):
         step = self.steps.first_from(t - ONE_TIME * abs(self.system.frame.start))
         return Stop(step, self.steps.time(step))
 
-    def state(self):
+    def state(self) -> State:
         """Return a `State`; a run resumed from it gives the same floats as an unbroken run."""
-        steps = replace(self.steps.until(self.n), span=self._span)
+        steps: Any = replace(self.steps.until(self.n), span=self._span)  # type: ignore[arg-type]
         return state_of(self, self.scheme, steps, self.history)
 
-    def restore(self, state, allow_change=False):
+    def restore(self, state: State, allow_change: bool = False) -> None:
         """Go on from `state`; `allow_change` admits a right-hand side other than the state's."""
         changed = check_identity(state.identity, self.identity(state.t), allow_change)
         self.come_back(state.checkpoint)
@@ -399,18 +419,18 @@ class FixedStepper(ResumableStepper, TangentStepper, JumpingStepper):
             self._march.counts["kept"] = 0
             self._forget_explicit()
 
-    def identity(self, t):
+    def identity(self, t: float) -> dict[str, Any]:
         """Return a description of a run to time t, which a run that resumes it must match."""
         scheme, history = described(self.scheme), described(self.history)
         return identity(self.system, t, scheme=scheme, history=history)
 
     @property
-    def n_data(self):
+    def n_data(self) -> int:
         """Number of initial data: d values of y, and one of y' for each order above 1."""
         return self.system.n_solved + self._with_speed.size
 
     @property
-    def tangent(self):
+    def tangent(self) -> np.ndarray:
         """The k tangents, shape (n_data, k): derivatives of y, then of y' for orders above 1."""
         d = self._marched.d
         values, slopes = (
@@ -418,7 +438,7 @@ class FixedStepper(ResumableStepper, TangentStepper, JumpingStepper):
         )
         return np.vstack([values[: self.system.n_solved], slopes[self._with_speed]])
 
-    def transform_tangent(self, matrix):
+    def transform_tangent(self, matrix: np.ndarray) -> None:
         """Replace the tangents by linear combinations, ``tangent <- tangent @ matrix``.
 
         Every array that is linear in the tangents is combined too: initial values, increments, the
@@ -433,7 +453,7 @@ class FixedStepper(ResumableStepper, TangentStepper, JumpingStepper):
         arrays, d = self.memory.arrays, self._marched.d
         transform_march(self._march, arrays, d, int(self._lasting), matrix)
 
-    def grow(self, stop, schedule):
+    def grow(self, stop: float, schedule: Any) -> Grown:
         """Make steps as `advance` does, and orthonormalise the tangents when `schedule` says so.
 
         Return the solution and the logarithms of growth as `Grown`. The loop is compiled.
@@ -455,18 +475,18 @@ class FixedStepper(ResumableStepper, TangentStepper, JumpingStepper):
             self._loop = march
         return Grown(piece, np.vstack(grown), self._status == LOST)
 
-    def parts(self):
+    def parts(self) -> list[Any]:
         """Return the arrays of march and memory that are linear in the solution, not copies."""
         march = self._march
         others = {id(part) for part in (march.counts, march.monitor, march.newton)}
         return [*(part for part in march if id(part) not in others), *self.memory.arrays]
 
     @property
-    def uncertainty(self):
+    def uncertainty(self) -> np.ndarray:
         """Estimated rounding errors of y, (d,)."""
         return _ROUNDED * np.abs(self.y)
 
-    def expect_jumps(self, of_y):
+    def expect_jumps(self, of_y: bool) -> None:
         """Prepare for jumps of f, and of y if `of_y`: make fewer steps in each call.
 
         Jumps of y are refused if a kernel or a Riemann-Liouville term acts on y itself.
@@ -478,13 +498,13 @@ class FixedStepper(ResumableStepper, TangentStepper, JumpingStepper):
             required = "change no y that a kernel or RiemannLiouville acts on, on given steps"
             refuse("events and changes", required, f"a change with {acting[0]}")
 
-    def set_y(self, y):
+    def set_y(self, y: np.ndarray) -> None:
         """Set y to these values, (d,), at the present time; the memory does not see the jump."""
         self._march.x[: self.system.n_solved], self._jumped = y, True
         self._forget_explicit()
         self._renew_force()
 
-    def _renew_force(self):
+    def _renew_force(self) -> None:
         """Replace the newest piece by f after a jump of y, if the pieces are values of f.
 
         Only components of order 1 are changed; the step before the jump is not. If f raises,
@@ -507,28 +527,32 @@ class FixedStepper(ResumableStepper, TangentStepper, JumpingStepper):
         ahead = march.lag[:n, p + 2 :]
         ahead += table.weights[table.groups[:n], 2 : 2 + ahead.shape[1]] * jump[:, None]
 
-    def _forget_explicit(self):
+    def _forget_explicit(self) -> None:
         """Keep the next IMEX step from extrapolating f across a jump (given/imex_step.py)."""
         self._march.counts["extrapolates"] = 0
 
-    def set_side(self, number, sign):
+    def set_side(self, number: int, sign: float) -> None:
         """Evaluate f on the side `sign` of a switch; f may jump."""
         self._marched.functions.switches.signs[number] = sign
 
 
 @lru_cache(maxsize=_PLANS_MAX)
-def _kept_plan(scheme, h, order, terms, shape, y0, sources):
+def _kept_plan(
+    scheme: Scheme, h: float, order: float, terms: Any, shape: Any, y0: bytes, sources: bytes
+) -> Plan:
     """Return the plan of a scheme for uniform steps h, from the terms and initial values alone.
 
     The arguments are the key: y0 and `sources` are the bytes of the fields of a `System`.
     """
     left = [SystemTerm(operator, np.array(coefficients)) for operator, coefficients in terms]
-    y0, sources = np.frombuffer(y0).reshape(shape), np.frombuffer(sources, np.int64)
-    system = System(left, y0, sources=sources)
+    start, own = np.frombuffer(y0).reshape(shape), np.frombuffer(sources, np.int64)
+    system = System(left, start, sources=own)
     return with_initial_values(scheme.plan(system, h), system, order)
 
 
-def _renormalising(growth, grown, march, end):
+def _renormalising(
+    growth: Renormalisations, grown: list[np.ndarray], march: GivenMarch, end: int
+) -> int:
     """Call `grow` in place of the march, and append its logarithms of growth to `grown`."""
     rows = np.empty((end - march.work.output.first, 1 + growth.columns.shape[1]))
     try:

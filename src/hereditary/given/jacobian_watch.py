@@ -1,8 +1,14 @@
 """Watch of the stability of a march by Jacobians along the orbit."""
 
+from __future__ import annotations
+
+from typing import Any
+
 import numpy as np
 
 from ..compiled.jacobian import VALUES
+from ..equation.system import System
+from .stability import StabilityRegion
 
 # Most components for which stability is watched by dense Jacobians. Beyond it they would take more
 # time and storage than the march.
@@ -33,7 +39,7 @@ class JacobianWatch:
         large.
     """
 
-    def __init__(self, region, system, block):
+    def __init__(self, region: StabilityRegion | None, system: System, block: int) -> None:
         known, d = system.structure, system.d
         self.watches = region is None or known is not None or d <= _MOST
         self._region = region.orbit(d, system.sources) if region and self.watches else None
@@ -41,7 +47,7 @@ class JacobianWatch:
         self.every = block * self._region.every if self._region else 0
         self.largest, self.step = 0.0, 0
 
-    def room(self, n, n_end):
+    def room(self, n: int, n_end: int) -> np.ndarray:
         """Return an array for the Jacobians that the march computes in steps n to n_end - 1."""
         if self._region is None:
             return np.zeros((0, 0, 0))
@@ -51,7 +57,7 @@ class JacobianWatch:
             return np.zeros((count, *self._shape))
         return np.tile(self._structure.entries, (count, 1, 1))
 
-    def note(self, jacobians, n):
+    def note(self, jacobians: np.ndarray, n: int) -> None:
         """Update the largest ratio from the Jacobians that the march to step n has computed.
 
         `jacobians` is the array that `room` returned.
@@ -59,14 +65,14 @@ class JacobianWatch:
         made = self._before(n) - self._first if self._region else 0
         if self._region is None or made == 0:
             return
-        jacobians = jacobians[:made]
+        found: Any = jacobians[:made]
         if self._structure is not None:
-            jacobians = [self._structure.matrix(entries[VALUES]) for entries in jacobians]
-        ratios = self._region.ratios(jacobians)
+            found = [self._structure.matrix(entries[VALUES]) for entries in found]
+        ratios = self._region.ratios(found)
         if ratios.max(initial=0.0) > self.largest:
             self.largest = float(ratios.max())
             self.step = int((self._first + np.argmax(ratios)) * self.every)
 
-    def _before(self, n):
+    def _before(self, n: int) -> int:
         """Return the number of Jacobians that are computed in steps 0 to n - 1."""
         return (n - 1) // self.every + 1

@@ -1,5 +1,7 @@
 """Linear solvers for Newton's matrix, with their tables and matrices."""
 
+from __future__ import annotations
+
 from functools import lru_cache
 from typing import Any, NamedTuple
 
@@ -12,6 +14,7 @@ from ..compiled.linalg import address_of_factors, dense_solver, no_solver
 from ..compiled.signatures import SOLVER_SIG, LinearSolver
 from ..compiled.sparse_solvers import SparseFactors, banded_solver, sparse_solver
 from ..equation.jacobian_structure import Structure
+from .signatures import March
 
 
 class NewtonSetup(NamedTuple):
@@ -27,7 +30,7 @@ class NewtonSetup(NamedTuple):
     room: np.ndarray
     held: Any = None
 
-    def taken_over(self, march):
+    def taken_over(self, march: March) -> np.ndarray:
         """Return `room` with the matrices of a restored march.
 
         If the entries of a sparse Jacobian are at other places, the march's factors are invalid.
@@ -44,7 +47,9 @@ class NewtonSetup(NamedTuple):
         return room
 
 
-def newton_of(structure, d, tangents, solve, exact):
+def newton_of(
+    structure: Structure | None, d: int, tangents: bool, solve: str, exact: bool
+) -> NewtonSetup:
     """Return the `NewtonSetup` for d components of an orbit, with tangents or without.
 
     `solve` is that of the scheme; `exact` means that one iteration solves a step. For at most `FEW`

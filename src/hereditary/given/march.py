@@ -16,6 +16,11 @@ implicit step reads this memory at its own time. An explicit step computes it fo
 Blocks depend on absolute step numbers, so results do not depend on where a march was interrupted.
 """
 
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
 from ..compiled.jit import I8, as_value, entry
 from ..compiled.linalg import put
 from .block import (
@@ -32,7 +37,7 @@ from .block import (
 from .imex_step import solve_linearly
 from .newton import guess, no_tangents_solved, solve_step, solve_tangents
 from .past import read_rows
-from .signatures import GIVEN_MARCH, PUSH_SIG, SOLVE_TANGENTS_SIG, GivenMarch
+from .signatures import GIVEN_MARCH, PUSH_SIG, SOLVE_TANGENTS_SIG, GivenMarch, GivenWork
 from .step import (
     add_drift,
     add_powers,
@@ -61,7 +66,7 @@ _ANNOUNCED = {
 }
 
 
-def marching(name, way):
+def marching(name: str, way: str) -> Callable[..., Any]:
     """Return the march, compiled for one way of solving a step (the keys of `MARCHES`).
 
     `name` becomes the function's name.
@@ -157,7 +162,7 @@ MARCHES = {
 }
 
 
-def march_of(work, way):
+def march_of(work: GivenWork, way: str) -> GivenMarch:
     """Return a `GivenMarch` of the work and of the tangents' functions that it needs.
 
     `way` is a key of `MARCHES`.

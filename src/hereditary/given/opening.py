@@ -1,12 +1,20 @@
 """Steps from the arguments of a run (n_steps or mesh), and steppers that march on them."""
 
+from __future__ import annotations
+
 import math
 from dataclasses import replace
+from typing import Any
 
-from ..stepping.state import go_on_from
+import numpy as np
+
+from ..equation.system import System
+from ..stepping.scheme import Scheme
+from ..stepping.state import State, go_on_from
 from ..support.checks import complaint, count, left_out, refuse, shown, whole
 from .fixed_stepper import FixedStepper
 from .history.exponentials import SumOfExponentials
+from .history.history import History
 from .members import MemberStepper
 from .steps import COUNTED, MeshSteps, UniformSteps, mesh_steps, steps_in
 
@@ -20,7 +28,16 @@ _MOST = 290.0
 _EXPONENTIALS = SumOfExponentials()
 
 
-def given_steps(system, scheme, t_end, state=None, *, n_steps=None, mesh=False, **tolerated):
+def given_steps(
+    system: System,
+    scheme: Scheme,
+    t_end: float,
+    state: State | None = None,
+    *,
+    n_steps: int | None = None,
+    mesh: Any = False,
+    **tolerated: Any,
+) -> UniformSteps | MeshSteps:
     """Return `UniformSteps` or `MeshSteps` to t_end, including the steps of a resumed `state`.
 
     Tolerances, rtol and others, are refused, because given steps do not adapt.
@@ -33,10 +50,12 @@ def given_steps(system, scheme, t_end, state=None, *, n_steps=None, mesh=False, 
         refuse("n_steps", "be left out if a mesh is given", repr(n_steps))
     if state is not None and not isinstance(state.how, MeshSteps):
         refuse("mesh", "be left out if a run of uniform steps is resumed", shown(mesh))
-    return mesh_steps(mesh, t_end, state and state.how, system.frame.start)
+    return mesh_steps(mesh, t_end, state.how if state else None, system.frame.start)
 
 
-def _uniform_steps(system, t_end, n_steps, state):
+def _uniform_steps(
+    system: System, t_end: float, n_steps: int | None, state: State | None
+) -> UniformSteps:
     """Return uniform steps to t_end, with n_steps given or with the step of a state."""
     origin = system.frame.start
     if state is None:
@@ -67,7 +86,15 @@ def _uniform_steps(system, t_end, n_steps, state):
     return replace(how, n=n_total)
 
 
-def open_given(system, scheme, history, how, state, allow_change, directions):
+def open_given(
+    system: System,
+    scheme: Scheme,
+    history: History | None,
+    how: Any,
+    state: State | None,
+    allow_change: bool,
+    directions: np.ndarray | None,
+) -> tuple[FixedStepper, int]:
     """Return a `FixedStepper` at the start of a run or at `state`, and the run's last step."""
     history = history or getattr(state, "history", None) or _EXPONENTIALS
     stepper = FixedStepper(system, scheme, history, how, how.n, directions)
@@ -75,14 +102,22 @@ def open_given(system, scheme, history, how, state, allow_change, directions):
     return _prepared(stepper, how.n), how.n
 
 
-def open_members(system, scheme, history, how, params, y0, plan=None):
+def open_members(
+    system: System,
+    scheme: Scheme,
+    history: History | None,
+    how: Any,
+    params: np.ndarray,
+    y0: np.ndarray,
+    plan: Any = None,
+) -> MemberStepper:
     """Return a `MemberStepper` for an ensemble; for its last arguments see there."""
     history = history or _EXPONENTIALS
     stepper = MemberStepper(system, scheme, history, how, how.n, params, y0, plan)
     return _prepared(stepper, how.n)
 
 
-def _prepared(stepper, n):
+def _prepared(stepper: Any, n: int) -> Any:
     """Return a stepper with storage for a march to step n, or refuse more than can be allocated."""
     try:
         stepper.prepare(n)

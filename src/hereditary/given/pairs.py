@@ -1,9 +1,16 @@
 """Neighbouring orbits in place of tangents, on given steps."""
 
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
 import numpy as np
 
-from ..equation.system import displaced
-from ..stepping.stepper import TangentStepper
+from ..equation.system import System, displaced
+from ..stepping.dense import Piece
+from ..stepping.status import Ending
+from ..stepping.stepper import Stop, TangentStepper
 
 
 class Pairs(TangentStepper):
@@ -23,7 +30,13 @@ class Pairs(TangentStepper):
         Distance from the first orbit at which the others start: the unit of the tangents.
     """
 
-    def __init__(self, opened, system, directions, separation):
+    def __init__(
+        self,
+        opened: Callable[[System], Any],
+        system: System,
+        directions: np.ndarray,
+        separation: float,
+    ) -> None:
         self._separation, self.system = separation, system
         starts, n = [], system.n_solved
         for direction in separation * directions.T:
@@ -34,16 +47,16 @@ class Pairs(TangentStepper):
         self._others = [opened(displaced(system, y0)) for y0 in starts]
         self._all = [self._orbit, *self._others]
 
-    def set_breaks(self, times, t_end):
+    def set_breaks(self, times: np.ndarray, t_end: float) -> None:
         """Let all orbits see jumps of f at these times."""
         for stepper in self._all:
             stepper.set_breaks(times, t_end)
 
-    def stop_at(self, t):
+    def stop_at(self, t: float) -> Stop:
         """Return the first step not before t, and its time."""
         return self._orbit.stop_at(t)
 
-    def advance(self, stop, keep=True):
+    def advance(self, stop: float, keep: bool = True) -> Piece | None:
         """March some way towards `stop`; return dense output of the first orbit if it is kept."""
         piece = self._orbit.advance(stop, keep)
         for other in self._others:
@@ -58,26 +71,26 @@ class Pairs(TangentStepper):
     health = property(lambda self: self._orbit.health)
 
     @property
-    def trouble(self):
+    def trouble(self) -> Ending | None:
         """Why the first orbit that cannot go on has stopped, otherwise None."""
         return next((stepper.trouble for stepper in self._all if stepper.trouble), None)
 
-    def stats(self):
+    def stats(self) -> dict[str, Any]:
         """Return the counts of the first orbit, but the calls of f of all orbits."""
         n_rhs = sum(stepper.stats()["n_rhs"] for stepper in self._all)
         return self._orbit.stats() | {"n_rhs": n_rhs}
 
-    def checkpoint(self):
+    def checkpoint(self) -> tuple:
         """Return the checkpoints of all orbits."""
         return tuple(stepper.checkpoint() for stepper in self._all)
 
-    def come_back(self, checkpoint):
+    def come_back(self, checkpoint: tuple) -> None:
         """Return all orbits to the step at which `checkpoint` was taken."""
         for stepper, own in zip(self._all, checkpoint, strict=True):
             stepper.come_back(own)
 
     @property
-    def tangent(self):
+    def tangent(self) -> np.ndarray:
         """Differences of the other orbits from the first, over the separation, (n_data, k).
 
         These are differences of y, and of y' for orders above 1.
@@ -85,7 +98,7 @@ class Pairs(TangentStepper):
         first, *others = (np.append(each.y, each.ydot[self.system.second]) for each in self._all)
         return (np.array(others) - first).T / self._separation
 
-    def transform_tangent(self, matrix):
+    def transform_tangent(self, matrix: np.ndarray) -> None:
         """Replace the differences, and those of all memory, by ``tangent @ matrix``."""
         for first, *others in zip(*(stepper.parts() for stepper in self._all), strict=True):
             drawn = np.tensordot(matrix.T, np.array(others) - first, axes=1)

@@ -7,13 +7,14 @@ the plan.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from operator import attrgetter
 from typing import Any
 
 import numpy as np
 
+from ..equation.system import System
 from ..kernels.step_kernel import ExponentialSteps
 from ..support.checks import refuse
 from .signatures import StepRows
@@ -41,7 +42,7 @@ class WeightRule:
     exponent: Callable[[Any], Any] = attrgetter("key")
     shares: Callable[[Any, np.ndarray, np.ndarray, int], np.ndarray] | None = None
 
-    def modal(self, p, rates, weights, k):
+    def modal(self, p: Any, rates: np.ndarray, weights: np.ndarray, k: int) -> np.ndarray:
         """Return the contributions (M,) to w_k of M modes.
 
         The modes are the summands ``weights exp(-rates t)``, t >= 1, of a kernel in units of the
@@ -77,54 +78,56 @@ class Convolution:
     def prepare(self, n_end: int) -> None:
         """Do nothing: all steps but the first have the same coefficients."""
 
-    def reach(self, n: int):
+    def reach(self, n: int) -> tuple[int, None]:
         """Return a step beyond every run, and None for unchanged rows; see `RowSums.reach`."""
         return n + 2**62, None
 
-    def check(self, history):
+    def check(self, history: Any) -> None:
         """Refuse a history that cannot sum kernels other than power laws, if these occur."""
         if self.kernels() and not history.takes_kernels:
             required = "be another one if terms have kernels other than Caputo's"
             refuse("history", required, repr(history), "use SumOfExponentials, FFT or Direct")
 
     @property
-    def n_starts(self):
+    def n_starts(self) -> int:
         """Number of start values of each column."""
         return len(self.start_groups) // len(self.groups)
 
-    def exponents(self):
+    def exponents(self) -> tuple[Any, ...]:
         """Return the exponents of all power-law kernels in the terms, sorted."""
         return tuple(sorted(key for key in self._keys() if isinstance(key, float)))
 
-    def kernels(self):
+    def kernels(self) -> tuple[Any, ...]:
         """Return the kernels that are no power laws, each as a `StepKernel`."""
         return tuple(key for key in self._keys() if not isinstance(key, float))
 
-    def _keys(self):
+    def _keys(self) -> list[Any]:
         """Return the distinct results of `WeightRule.exponent` in the order of the terms."""
         lists = self.groups + self.start_groups
         found = [rule.exponent(p) for terms in lists for _, rule, p in terms]
         return [key for key in dict.fromkeys(found) if key is not None]
 
-    def has_memory(self):
+    def has_memory(self) -> bool:
         """Return whether any pieces u_(n-k) with k > 1 have weights."""
         return bool(self._keys()) or self.first_modal > 3
 
-    def exact(self, n):
+    def exact(self, n: int) -> tuple[np.ndarray, ...]:
         """Return weights (C, n) of pieces and (V C, n) of start values for k < n."""
         return tuple(
             np.array([_total((f * rule.exact(p, n) for f, rule, p in terms), n) for terms in lists])
             for lists in (self.groups, self.start_groups)
         )
 
-    def modal(self, rates, weights, k, k_start):
+    def modal(
+        self, rates: np.ndarray, weights: dict[Any, Any], k: int, k_start: int
+    ) -> tuple[np.ndarray, ...]:
         """Return the contributions of modes with M rates to W_k, (C, M), and to start weights.
 
         Those to start weights, (V C, M), are taken at `k_start` instead of k. `weights` maps a
         kernel's exponent, or its `StepKernel`, to the weights (M,) of its exponential sum.
         """
 
-        def share(terms, at):
+        def share(terms: list[Any], at: int) -> np.ndarray:
             pieces = (
                 f * rule.modal(p, rates, weights[rule.exponent(p)], at)
                 for f, rule, p in terms
@@ -138,7 +141,7 @@ class Convolution:
         )
 
 
-def _total(pieces, n):
+def _total(pieces: Iterator[Any], n: int) -> np.ndarray:
     return sum(pieces, np.zeros(n))
 
 
@@ -199,7 +202,7 @@ class Plan:
     slowest: float = 0.0
 
 
-def distinct_columns(system):
+def distinct_columns(system: System) -> tuple[list[Any], np.ndarray]:
     """Group components by their terms, and by whether they are memory that f reads.
 
     Returns

@@ -6,17 +6,22 @@ formula. Sums of samples then converge to the integrals of ``t**-gamma``, ``t**(
 the order of the scheme.
 """
 
+from __future__ import annotations
+
 from dataclasses import replace
 from functools import lru_cache
 from math import ceil
+from typing import Any
 
 import numpy as np
 from scipy.special import rgamma
 
+from ..equation.system import System
 from ..kernels.special import hurwitz_zeta
+from .plan import Plan
 
 
-def with_initial_values(plan, system, order):
+def with_initial_values(plan: Plan, system: System, order: float) -> Plan:
     """Return a plan with the initial values of Riemann-Liouville terms added to its known terms.
 
     `order` is the order of convergence of the plan's scheme.
@@ -41,7 +46,7 @@ def with_initial_values(plan, system, order):
             corrections[k + first, np.arange(d)] -= weight * sizes
     known = np.zeros((0, d)) if plan.corrections is None else plan.corrections
     size = max(len(known), len(corrections))
-    total = sum(np.pad(part, ((0, size - len(part)), (0, 0))) for part in (known, corrections))
+    total: Any = sum(np.pad(part, ((0, size - len(part)), (0, 0))) for part in (known, corrections))
     before = [np.zeros((0, d)) if part is None else part for part in (plan.drift, plan.powers)]
     return replace(
         plan,
@@ -52,7 +57,7 @@ def with_initial_values(plan, system, order):
 
 
 @lru_cache(maxsize=64)
-def first_samples(gamma, theta, n):
+def first_samples(gamma: float, theta: float, n: int) -> np.ndarray:
     """Return corrections (n,) of the first n samples of ``t**-gamma``; the step is 1.
 
     Samples are taken at t = k + theta, k >= 0, but not at t = 0. By the Euler-Maclaurin formula a

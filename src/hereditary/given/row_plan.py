@@ -10,13 +10,15 @@ If an order varies, its value at the time of the right-hand side gives all weigh
 from __future__ import annotations
 
 import math
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 from scipy.special import rgamma
 
 from ..equation.orders import OrderFailed
+from ..equation.system import System
 from ..kernels.special import gauss_unit, mean_exponential
+from ..stepping.scheme import Scheme
 from ..support.checks import complaint, refuse
 from .plan import Plan, distinct_columns
 from .power_series import inverse_gamma
@@ -38,7 +40,9 @@ ROWS_AT_ONCE = 16384
 _GROUP = 64
 
 
-def moments(low, width, p, bent=True):
+def moments(
+    low: np.ndarray, width: np.ndarray, p: np.ndarray, bent: bool = True
+) -> tuple[Any, ...]:
     """Return the moments m_0 and m_1 of ``p T**(p-1)`` over distances T in [low, low + width].
 
     m_1 is 0 unless `bent`. The width is an argument, because low + width rounds to low for a tiny
@@ -64,7 +68,7 @@ def moments(low, width, p, bent=True):
     return m_0, np.where(width > 2.0 * low, closed, m_1)
 
 
-def _tilt(z, average, decay):
+def _tilt(z: np.ndarray, average: np.ndarray, decay: np.ndarray) -> np.ndarray:
     """Return ``int_0^1 (1/2 - v) exp(-z v) dv``.
 
     `average` is the mean of ``exp(-z v)`` over v in [0, 1], and `decay` its value at v = 1.
@@ -86,30 +90,32 @@ class _Uniform:
 
     mesh: ClassVar = None
 
-    def __init__(self, h, theta, offset):
+    def __init__(self, h: float, theta: float, offset: float) -> None:
         self.h, self._theta, self._offset = h, theta, offset
 
-    def rows(self, n):
+    def rows(self, n: np.ndarray) -> dict[str, Any]:
         """Return the fields of `StepRows` for steps n, (R,), that do not depend on the terms."""
         ones = np.ones(n.size)
         unit, theta = self.h * ones, self._offset * ones
         return {"times": np.zeros(0), "theta": theta, "unit": unit, "length": unit, "ratio": ones}
 
-    def times(self, n):
+    def times(self, n: np.ndarray) -> np.ndarray:
         """Return the times at which steps n take their right-hand sides."""
         return (n + self._offset) * self.h
 
-    def first_sample(self, gamma):
+    def first_sample(self, gamma: Any) -> Any:
         """Return the correction of the first sample of ``t**-gamma``; see `first_samples`."""
         return self.h**-gamma * first_samples(gamma, self._offset, 1)[0]
 
-    def intervals(self, n, size, order):
+    def intervals(self, n: np.ndarray, size: int, order: Any) -> tuple[Any, ...]:
         """Return distances and lengths of earlier steps; see `_Mesh.intervals`."""
         k, h = np.arange(float(size))[None], self.h
         far, width = np.maximum(k - 1 + self._theta, 0.0), np.where(k == 0, self._theta, 1.0)
         return np.ones((1, size)), h * far, h * width, h * k, h, h, 0.0
 
-    def decays(self, rates, kinds, n):
+    def decays(
+        self, rates: np.ndarray, kinds: np.ndarray, n: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Return factors of modes; see `_Mesh.decays`.
 
         All steps share one row, and terms with y' and with y'' share the modes.
@@ -123,7 +129,7 @@ class _Uniform:
 class _Mesh:
     """Distances and lengths of the steps of a mesh, and the parabolas on these steps."""
 
-    def __init__(self, times, theta, parabolas):
+    def __init__(self, times: np.ndarray, theta: float, parabolas: int) -> None:
         steps, self._parabolas = np.diff(times), parabolas
         self.mesh, self._steps = times, steps
         self._theta = np.broadcast_to(theta, steps.size) * 1.0
@@ -138,21 +144,21 @@ class _Mesh:
         self._middles = np.append(times[0] - 0.5 * steps[0], times[:-1] + 0.5 * steps)
         self._between = 0.5 * (steps + np.append(steps[0], steps[:-1]))
 
-    def rows(self, n):
+    def rows(self, n: np.ndarray) -> dict[str, Any]:
         """Return the fields of `StepRows` for steps n, (R,), that do not depend on the terms."""
         times, theta, unit = self.mesh[n], self._theta[n], self._steps[n]
         ratio = self._ratios[n]
         return {"times": times, "theta": theta, "unit": unit, "length": unit, "ratio": ratio}
 
-    def times(self, n):
+    def times(self, n: np.ndarray) -> np.ndarray:
         """Return the times at which steps n take their right-hand sides."""
         return self._seen[n]
 
-    def first_sample(self, gamma):
+    def first_sample(self, gamma: Any) -> Any:
         """Return the mean of ``t**-gamma`` over the first step, less its value at the sample."""
         return self._steps[0] ** -gamma * (1 / (1 - gamma) - self._theta[0] ** -gamma)
 
-    def intervals(self, n, size, order):
+    def intervals(self, n: np.ndarray, size: int, order: Any) -> tuple[np.ndarray, ...]:
         """Return distances and lengths of steps n - k, k < size, for R steps n.
 
         Every result has the shape (R, size); `order` is the layout of the arrays, "C" or "F".
@@ -175,7 +181,9 @@ class _Mesh:
         width[:, 0] *= self._theta[n[:, 0]]
         return there, far, width, behind, self._between[j], steps, self._slopes[j]
 
-    def decays(self, rates, kinds, n):
+    def decays(
+        self, rates: np.ndarray, kinds: np.ndarray, n: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Return factors of M modes at R steps n, for terms with y' and y''.
 
         `kinds` lists the derivatives that occur, 1 for y' and 2 for y''. Every kind has M modes.
@@ -245,7 +253,9 @@ class RowSums:
         Coefficients of the batch of steps that was computed last.
     """
 
-    def __init__(self, system, steps, parabolas=0, explicit=False):
+    def __init__(
+        self, system: System, steps: Any, parabolas: int = 0, explicit: bool = False
+    ) -> None:
         distinct, self.groups = distinct_columns(system)
         self.terms, read = zip(*distinct, strict=True)
         self.steps, self._parabolas, self._explicit = steps, parabolas, explicit
@@ -271,7 +281,7 @@ class RowSums:
                 raise OrderFailed(trouble)
             self._n_end = n_end
 
-    def reach(self, n: int):
+    def reach(self, n: int) -> tuple[int, StepRows]:
         """Compute the coefficients of the batch of steps that contains step n, if still unknown.
 
         Returns
@@ -294,7 +304,7 @@ class RowSums:
             raise OrderFailed(self._trouble)
         return min(last, n_end), self.rows
 
-    def _sampled(self, n):
+    def _sampled(self, n: np.ndarray) -> tuple[dict, int, str]:
         """Return p of each operator at steps n, the number of valid steps, and an error message.
 
         The message describes the first invalid order, and is empty if all are valid.
@@ -306,7 +316,7 @@ class RowSums:
                 n_good, trouble = found[operator].size, reason
         return found, n_good, trouble
 
-    def _fill(self, n):
+    def _fill(self, n: np.ndarray) -> int:
         """Compute the coefficients of steps n; return how many steps have valid ones.
 
         Steps beyond the run's end get the coefficients of its last step.
@@ -326,7 +336,7 @@ class RowSums:
         self._trouble = complaint("terms", required, got, "take another step")
         return bad
 
-    def _rows(self, n, now, near):
+    def _rows(self, n: np.ndarray, now: np.ndarray, near: np.ndarray) -> StepRows:
         """Return coefficients of steps n from the weights (C, R) of their newest two increments."""
         lead = 1 / now
         return StepRows(
@@ -339,7 +349,7 @@ class RowSums:
             drift=self._drift(n, lead),
         )
 
-    def _drift(self, n, lead):
+    def _drift(self, n: np.ndarray, lead: np.ndarray) -> np.ndarray:
         """Return factors of x'(0), which increments omit, and of x(0) in Riemann-Liouville terms.
 
         The shape is (C, R), (2 C, R) with Riemann-Liouville terms, and (C, 0) without any factor.
@@ -359,7 +369,7 @@ class RowSums:
                     found[1, a] += c * self._initial(n, 1 - p, int(self._explicit and above))
         return (found * lead).reshape(len(found) * len(lead), n.size)
 
-    def _initial(self, n, gamma, first):
+    def _initial(self, n: np.ndarray, gamma: np.ndarray, first: int) -> np.ndarray:
         """Return ``t**-gamma / Gamma(1-gamma)`` at steps n, with a correction in step `first`.
 
         At t = 0 the result is 0. `first` is 1 if an explicit scheme gets the increment of step 0
@@ -371,19 +381,19 @@ class RowSums:
             values[first] += self.steps.first_sample(float(gamma[first]))
         return values * rgamma(1 - gamma)
 
-    def weights(self, first, last, k_end):
+    def weights(self, first: int, last: int, k_end: int) -> Any:
         """Return weights of the increments u_(n-k), k < k_end, for steps n from `first` to `last`.
 
         Shape (C, last - first, k_end); they are not divided by the leading weight.
         """
         return self._weights(np.arange(first, last), k_end, first - self.rows.first)
 
-    def direct(self, first, last, k_end):
+    def direct(self, first: int, last: int, k_end: int) -> Any:
         """Return the result of `weights`, divided by the leading weight of each step."""
         lead = self.rows.lead[:, first - self.rows.first : last - self.rows.first]
         return self.weights(first, last, k_end) * lead[..., None]
 
-    def _weights(self, n, k_end, at, order="C"):
+    def _weights(self, n: np.ndarray, k_end: int, at: int, order: Any = "C") -> np.ndarray:
         """Return `weights` at steps n, whose values in `powers` begin at index `at`.
 
         `order` is the layout of the arrays, "C" or "F".
@@ -416,7 +426,9 @@ class RowSums:
         found *= (there / steps)[:, :k_end]
         return found
 
-    def decays(self, rates, kinds, first, last):
+    def decays(
+        self, rates: np.ndarray, kinds: np.ndarray, first: int, last: int
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Return factors of modes at steps from `first` to `last`; see `_Mesh.decays`."""
         return self.steps.decays(rates, kinds, np.minimum(np.arange(first, last), self._n_end - 1))
 
@@ -424,11 +436,11 @@ class RowSums:
         """Return whether increments u_(n-k) with k > 1 have weights at all."""
         return not all(operator.classical for operator in self._operators)
 
-    def exact(self, n):
+    def exact(self, n: int) -> tuple[np.ndarray, np.ndarray]:
         """Return empty weights, because a block of one step needs none inside itself."""
         return (np.zeros((len(self.terms), 0)),) * 2
 
-    def check(self, history):
+    def check(self, history: Any) -> None:
         """Refuse a history that cannot sum varying orders or a mesh, if these occur."""
         if self.varies and not history.takes_varying:
             refuse("history", "be Direct or SumOfExponentials if orders vary", repr(history))
@@ -438,7 +450,7 @@ class RowSums:
             refuse("mesh", required, got, "or use SumOfExponentials or Direct")
 
 
-def varying_plan(system, h, theta, explicit):
+def varying_plan(system: System, h: float, theta: float, explicit: bool) -> Plan:
     """Make the plan of a scheme on uniform steps, for an equation with varying orders.
 
     First derivatives are taken at t_n + theta h. An explicit scheme takes its right-hand side at
@@ -449,7 +461,9 @@ def varying_plan(system, h, theta, explicit):
     return _plan(system, sums, h, given=given, slowest=SLOWEST if explicit else 0.0)
 
 
-def mesh_plan(scheme, system, times, theta, parabolas):
+def mesh_plan(
+    scheme: Scheme, system: System, times: np.ndarray, theta: Any, parabolas: int
+) -> Plan:
     """Make the plan of a scheme on a mesh of any steps.
 
     The equation holds at the fraction theta of each step; `parabolas` is that of `RowSums`.
@@ -461,7 +475,7 @@ def mesh_plan(scheme, system, times, theta, parabolas):
     return _plan(system, RowSums(system, _Mesh(times, theta, parabolas), parabolas), times[1])
 
 
-def _plan(system, sums, first, **more):
+def _plan(system: System, sums: RowSums, first: float, **more: Any) -> Plan:
     """Make the plan of `sums`, a `RowSums`, if the first step has the length `first`."""
     for operator, _ in system.left:
         if operator.kernel is not None:

@@ -11,6 +11,8 @@ Components with the same terms form one of C groups, with the same weights. Each
 values, whose weights differ from those of pieces.
 """
 
+from __future__ import annotations
+
 from typing import Annotated, Any, NamedTuple, TypeAlias
 
 import numpy as np
@@ -67,7 +69,9 @@ class Held(NamedTuple):
     pending: Matrix
 
 
-def held(n_columns, pieces=0, modes=0, starts=0, pending=0):
+def held(
+    n_columns: int, pieces: int = 0, modes: int = 0, starts: int = 0, pending: int = 0
+) -> Held:
     """Return a `Held` of zeros; the arguments are its numbers of columns and of entries in each."""
     return Held(*(np.zeros((n_columns, size)) for size in (pieces, modes, starts, pending)))
 

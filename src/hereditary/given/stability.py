@@ -4,12 +4,17 @@ Inserting x_n = zeta**n and f = mu x into a convolution scheme gives the curve m
 outside the curve of |zeta| = 1, a mode that decays in the equation grows in the scheme.
 """
 
+from __future__ import annotations
+
+from collections.abc import Callable
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from scipy.special import factorial, gamma, zeta
 
 from ..compiled.linalg import eigenvalues
+from ..equation.system import System
 
 # Growth factor of a mode in one step above which an oscillatory mode counts as unstable. Schemes of
 # first order let a weakly damped oscillation grow slowly at any step size. This is an error of the
@@ -50,20 +55,20 @@ class StabilityRegion:
     gains: np.ndarray | None = None
     sources: np.ndarray | None = None
 
-    def orbit(self, d, sources):
+    def orbit(self, d: int, sources: np.ndarray) -> StabilityRegion:
         """Return the region of stability of the first d components; `sources` as in `System`."""
         gains = self.limits if self.gains is None else self.gains
         return replace(self, limits=self.limits[:d], gains=gains[:d], sources=sources)
 
     @property
-    def every(self):
+    def every(self) -> int:
         """Number of blocks between two Jacobians, about d / 2 for d components.
 
         A Jacobian by differences costs 2 d right-hand sides.
         """
         return (self.limits.size + 1) // 2
 
-    def ratios(self, jacobians):
+    def ratios(self, jacobians: Any) -> np.ndarray:
         """Return the largest ratio of an eigenvalue to its limit, for each Jacobian.
 
         A run is unstable if this ratio exceeds 1.
@@ -93,7 +98,7 @@ class StabilityRegion:
             return self._ratios_where_largest(bounds, worst)
         return self._ratios_of(np.linalg.eigvals(scaled))
 
-    def _ratios_where_largest(self, bounds, worst):
+    def _ratios_where_largest(self, bounds: np.ndarray, worst: Any) -> np.ndarray:
         """Return ratios of eigenvalues to limits, for k Jacobians with many components.
 
         Upper bounds of the ratios, (k,), cut off at 1, replace the ratios. If the largest bound may
@@ -106,7 +111,7 @@ class StabilityRegion:
             ratios[np.argmax(bounds)] = self._ratios_of(values)[0]
         return ratios
 
-    def _ratios_of(self, values):
+    def _ratios_of(self, values: np.ndarray) -> np.ndarray:
         """Return the largest ratio to the limits for each of k Jacobians.
 
         `values` (k, n) are the n eigenvalues of each negated Jacobian, scaled by `limits`.
@@ -122,7 +127,7 @@ class StabilityRegion:
         return ratios
 
 
-def bounds_of(jacobians, limits):
+def bounds_of(jacobians: Any, limits: list[np.ndarray]) -> tuple[Any, ...]:
     """Return upper bounds of the ratios of eigenvalues to limits, from norms of k Jacobians.
 
     `limits` has an array (d,) for each Jacobian, whose rows are divided by it.
@@ -148,7 +153,7 @@ def bounds_of(jacobians, limits):
     return bounds, worst
 
 
-def folded(jacobians, gains, sources):
+def folded(jacobians: np.ndarray, gains: np.ndarray | None, sources: np.ndarray) -> np.ndarray:
     """Return k Jacobians of the components with an equation, after elimination of other components.
 
     The other components are memory that f reads. `gains`, (d,) or (k, d), are their values for a
@@ -163,7 +168,7 @@ def folded(jacobians, gains, sources):
     return total
 
 
-def largest_step(limits, stiffness):
+def largest_step(limits: Callable[..., Any], stiffness: float) -> float:
     """Return the step h at which the smallest of ``limits(h)``, (d,), equals `stiffness`."""
     low, high = -700.0, 700.0  # bounds of log h for the bisection
     for _ in range(200):
@@ -175,7 +180,7 @@ def largest_step(limits, stiffness):
     return float(np.exp(low))
 
 
-def longest_step(scheme, system, h, ratio):
+def longest_step(scheme: Any, system: System, h: float, ratio: float) -> float:
     """Return the step whose limits of stability are `ratio` times those at step h; 0 if unknown."""
     if system.varies or system.read.any():
         return 0.0
@@ -185,7 +190,9 @@ def longest_step(scheme, system, h, ratio):
     return largest_step(lambda step: scheme._limits(system, step), stiffness)
 
 
-def stability_region(limits, orders, curve):
+def stability_region(
+    limits: np.ndarray, orders: list[float], curve: Callable[..., Any] | None
+) -> StabilityRegion:
     """Return the region of stability of an explicit scheme with the same weights in every step.
 
     Parameters
@@ -209,7 +216,7 @@ def stability_region(limits, orders, curve):
     return StabilityRegion(limits, angles[order], np.abs(values)[order], first_angle)
 
 
-def polylogarithm(p, z):
+def polylogarithm(p: float, z: np.ndarray) -> np.ndarray:
     """Return ``Li_(-p)(z)`` by its expansion in log z, which converges for |log z| < 2 pi."""
     m = np.log(z)
     k = np.arange(60)

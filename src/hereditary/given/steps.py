@@ -4,12 +4,16 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
-from typing import ClassVar, NamedTuple
+from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
 
+from ..equation.system import System
+from ..stepping.scheme import Scheme
 from ..support.checks import count, positive, real_array, refuse, shown
+from .plan import Plan
+from .signatures import StepRows
 
 
 @dataclass(frozen=True)
@@ -141,7 +145,7 @@ class UniformSteps:
         """Return the least n with t_n >= t."""
         return int(np.ceil(self.positions(np.array([t]))[0]))
 
-    def plan(self, scheme, system):
+    def plan(self, scheme: Scheme, system: System) -> Plan:
         """Return the plan of a scheme for a system on these steps."""
         return scheme.plan(system, self.h)
 
@@ -197,19 +201,21 @@ class MeshSteps:
         """Return the least n with t_n >= t."""
         return int(np.searchsorted(self.mesh, t))
 
-    def plan(self, scheme, system):
+    def plan(self, scheme: Scheme, system: System) -> Plan:
         """Return the plan of a scheme for a system on this mesh."""
         return scheme.mesh_plan(system, self.mesh)
 
 
-def steps_in(name, length, h):
+def steps_in(name: str, length: float, h: float) -> int:
     """Return ``length / h`` rounded to a whole number of steps; refuse more than `COUNTED`."""
     if not length / h <= COUNTED:
         refuse(name, f"be at most {COUNTED:.0e} steps h = {h:g}", f"{length:g}")
     return round(length / h)
 
 
-def break_steps(times, start, t_end, steps, origin):
+def break_steps(
+    times: np.ndarray, start: float, t_end: float, steps: Any, origin: float
+) -> frozenset[int]:
     """Return the numbers n of all breaks t_n in [start, t_end], as a frozenset.
 
     Refuse breaks that are not at ends of steps; the error message adds `origin` to times.
@@ -227,7 +233,7 @@ def break_steps(times, start, t_end, steps, origin):
     return frozenset(int(n) for n in numbers)
 
 
-def before_break(breaks, n, stop):
+def before_break(breaks: frozenset[int], n: int, stop: int) -> int:
     """Return the step up to which one call of the march may go from step n.
 
     Each step next to a break needs a call of its own.
@@ -239,7 +245,9 @@ def before_break(breaks, n, stop):
     return min([stop, *(number - 1 for number in breaks if number > n)])
 
 
-def rows_beside(breaks, n, rows, steps, origin):
+def rows_beside(
+    breaks: frozenset[int], n: int, rows: StepRows, steps: Any, origin: float
+) -> StepRows:
     """Return the coefficients `rows`, with f taken slightly inside step n if a break is at its end.
 
     Without this shift a step might take f on the wrong side of the jump. `breaks` has the numbers n
@@ -253,7 +261,7 @@ def rows_beside(breaks, n, rows, steps, origin):
     return rows._replace(theta=theta)
 
 
-def kept_steps(times, h, start):
+def kept_steps(times: np.ndarray, h: float, start: float) -> np.ndarray:
     """Return the numbers n with ``start + n h`` equal to the given times; refuse other times."""
     positions = (times - start) / h
     numbers = np.rint(positions)

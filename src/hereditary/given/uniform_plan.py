@@ -1,9 +1,14 @@
 """Plans of schemes on uniform steps, made from the weights of each term of the equation."""
 
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
 from functools import partial
+from typing import Any
 
 import numpy as np
 
+from ..equation.system import System
 from ..support.checks import refuse
 from .plan import Convolution, Plan, distinct_columns
 from .signatures import StepRows
@@ -12,18 +17,18 @@ from .weights import weighed as weighed_increments
 
 
 def uniform_plan(
-    system,
-    h,
-    theta,
-    weighed,
+    system: System,
+    h: float,
+    theta: float,
+    weighed: Callable[..., Any],
     *,
-    starts=((None, 0.0),),
-    whole=False,
-    integral=False,
-    first_modal=2,
-    drift=None,
-    **more,
-):
+    starts: Sequence[Any] = ((None, 0.0),),
+    whole: bool = False,
+    integral: bool = False,
+    first_modal: int = 2,
+    drift: Sequence[np.ndarray] | None = None,
+    **more: Any,
+) -> Plan:
     """Make the plan of a scheme on uniform steps whose equation holds at t_n + theta h.
 
     Parameters
@@ -65,7 +70,8 @@ def uniform_plan(
         values = integral and not read
         own = partial(weighed_increments, h=h, theta=theta) if integral and read else weighed
         terms = [own(c, operator) for c, operator in key]
-        now, then = sum(f * rule.exact(p, 2) for f, rule, p in terms)
+        sums: Any = sum(f * rule.exact(p, 2) for f, rule, p in terms)
+        now, then = sums
         total = 1.0 if values else now
         if total == 0 or not np.isfinite(total):
             required, got = "give a finite, nonzero leading weight", f"{total} at h = {h}"
@@ -112,11 +118,13 @@ def uniform_plan(
     )
 
 
-def _over(total, terms):
+def _over(total: float, terms: list[Any]) -> tuple[Any, ...]:
     return tuple((f / total, rule, p) for f, rule, p in filter(None, terms))
 
 
-def parabola_plan(system, h, theta, closing=False, **more):
+def parabola_plan(
+    system: System, h: float, theta: float, closing: bool = False, **more: Any
+) -> Plan:
     """Make the plan of a scheme whose solution is a parabola on each step.
 
     The equation holds at t_n + theta h; for `closing` see `parabola_weights`.
@@ -126,7 +134,7 @@ def parabola_plan(system, h, theta, closing=False, **more):
     return uniform_plan(system, h, theta, weighed, starts=[(start, 0.0)], **more)
 
 
-def drift_of_speed(system, whole=False):
+def drift_of_speed(system: System, whole: bool = False) -> Any:
     """Return amplitudes and powers, (r, d) each, of the r derivatives of t x'(0).
 
     Increments leave out t x'(0), so these terms are added. r is 0 if `whole`, because increments
@@ -136,7 +144,7 @@ def drift_of_speed(system, whole=False):
     if system.m == 1 or whole:
         return np.zeros((2, 0, system.d))
     above = system.above
-    lower = [(op, c) for op, c in system.left if op.constant and op.order <= 1]
+    lower: list[Any] = [(op, c) for op, c in system.left if op.constant and op.order <= 1]
     rows = [(op.factor(1.0) * np.where(above, c, 0) * system.y0[1], op.power) for op, c in lower]
     amplitudes = np.array([row for row, _ in rows]).reshape(-1, system.d)
     powers = np.array([np.full(system.d, p) for _, p in rows]).reshape(-1, system.d)

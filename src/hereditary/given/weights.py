@@ -3,11 +3,15 @@
 All weights are values of the kernel, or its integrals and first moments over intervals of one step.
 """
 
+from __future__ import annotations
+
 from functools import lru_cache, partial
+from typing import Any
 
 import numpy as np
 
-from ..kernels.step_kernel import Integrated, StepKernel
+from ..equation.terms import ConstantOrder
+from ..kernels.step_kernel import Integrated, PowerSteps, StepKernel
 from .plan import WeightRule
 
 # Rule of second derivatives: weights b_k - b_(k-1), and b_0 for k = 0. b_k is the integral of the
@@ -16,7 +20,7 @@ SECOND_DIFFERENCES = WeightRule(lambda kernel, n: kernel.differences(n))
 
 
 @lru_cache(maxsize=8)
-def shifted_differences(theta):
+def shifted_differences(theta: float) -> WeightRule:
     """Return the rule whose weights are integrals of the kernel over [k-1+theta, k+theta].
 
     It is for first derivatives at t_n + theta h. The interval of k = 0 is [0, theta].
@@ -29,12 +33,14 @@ FIRST_DIFFERENCES = shifted_differences(1.0)
 
 
 @lru_cache(maxsize=8)
-def kernel_values(theta):
+def kernel_values(theta: float) -> WeightRule:
     """Return the rule whose weights are values of the kernel at k + theta."""
     return WeightRule(lambda kernel, n: kernel.at(np.arange(n) + theta))
 
 
-def weighed(c, operator, h, theta=1.0):
+def weighed(
+    c: float, operator: ConstantOrder, h: float, theta: float = 1.0
+) -> tuple[float, WeightRule, PowerSteps]:
     """Return the factor, rule and kernel of ``c`` times an operator at t_n + theta h.
 
     This term of the equation is ``factor sum_k rule(kernel)_k u_(n-k)`` for increments u.
@@ -43,12 +49,16 @@ def weighed(c, operator, h, theta=1.0):
     return by_rule(c, operator, h, SECOND_DIFFERENCES if second else shifted_differences(theta))
 
 
-def by_rule(c, operator, h, rule):
+def by_rule(
+    c: float, operator: ConstantOrder, h: float, rule: WeightRule
+) -> tuple[float, WeightRule, PowerSteps]:
     """Return the factor, rule and kernel of ``c`` times an operator, for a given rule."""
     return c * operator.factor(h), rule, operator.in_steps(h)
 
 
-def value_weights(c, operator, h, theta, derivative):
+def value_weights(
+    c: float, operator: Any, h: float, theta: float, derivative: int
+) -> tuple[Any, ...] | None:
     """Return the factor, rule and kernel of ``c int_0^t K``, the weights of a start value.
 
     The start value is y(0) (`derivative` 0) or y'(0) (1). Return None unless the operator has a
@@ -60,7 +70,7 @@ def value_weights(c, operator, h, theta, derivative):
 
 
 @lru_cache(maxsize=8)
-def parabola_weights(theta, closing):
+def parabola_weights(theta: float, closing: bool) -> WeightRule:
     """Return the rule of first derivatives at t_n + theta h for piecewise parabolic solutions.
 
     ``W_k = a_k + m_(k+1) - m_k`` with a_k of `shifted_differences` and the moments
@@ -72,7 +82,7 @@ def parabola_weights(theta, closing):
 
 
 @lru_cache(maxsize=8)
-def parabola_start(theta):
+def parabola_start(theta: float) -> WeightRule:
     """Return the rule ``-m_(k+1)``, which corrects the weight of the first increment.
 
     This increment has no interval before it. For m see `parabola_weights`.
@@ -80,7 +90,7 @@ def parabola_start(theta):
     return WeightRule(lambda kernel, n: -kernel.moments(theta, n + 1)[..., 1:])
 
 
-def _parabola(theta, closing, kernel, n):
+def _parabola(theta: float, closing: bool, kernel: Any, n: int) -> np.ndarray:
     moments = kernel.moments(theta, n + 1)
     weights = kernel.seen(theta, n) + moments[..., 1:] - moments[..., :-1]
     if closing:

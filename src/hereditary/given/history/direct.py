@@ -1,14 +1,16 @@
 """Direct sums over the past, exact up to rounding errors, in O(N**2) operations for N steps."""
 
+from __future__ import annotations
+
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 
 from ..past import exchange_direct
 from ..plan import Convolution
 from ..signatures import Tables, held
-from .history import History, OpenHistory
+from .history import History, OpenHistory, Past
 
 # Most steps whose weights are computed at a time, if weights differ from step to step.
 _ROWS = 64
@@ -41,7 +43,7 @@ class Direct(History):
     takes_varying: ClassVar[bool] = True
     takes_meshes: ClassVar[bool] = True
 
-    def memory(self, past, n_columns, n_block, span) -> OpenHistory:
+    def memory(self, past: Past, n_columns: int, n_block: int, span: Any) -> OpenHistory:
         """Return a new memory that stores all pieces; see `History.memory`."""
         own = _Pieces if isinstance(past, Convolution) else _PiecesByRows
         return own(past, n_columns, n_block)
@@ -50,12 +52,12 @@ class Direct(History):
 class _Pieces(OpenHistory):
     """Memory of all pieces of a run on uniform steps, in arrays that grow by doubling."""
 
-    def __init__(self, past, n_columns, n_block):
+    def __init__(self, past: Any, n_columns: int, n_block: int) -> None:
         self._past, self._n_block = past, n_block
         arrays = held(n_columns, starts=getattr(past, "n_starts", 0))
         super().__init__(exchange_direct, Tables(), arrays, *past.exact(n_block + 2))
 
-    def prepare(self, n_end):
+    def prepare(self, n_end: int) -> None:
         """Allocate arrays of pieces, and compute tables of weights, for steps up to `n_end`."""
         pieces = self.arrays.pieces
         if pieces.shape[1] < n_end + 1:
@@ -63,7 +65,7 @@ class _Pieces(OpenHistory):
             self.arrays = self.arrays._replace(pieces=np.pad(pieces, ((0, 0), (0, more))))
         self._tabulate(max(n_end + 1, self.arrays.pieces.shape[1]) + self._n_block)
 
-    def _tabulate(self, n):
+    def _tabulate(self, n: int) -> None:
         if self.tables.weights.shape[1] < n:
             weights, start_weights = self._past.exact(n)
             self.tables = Tables(weights=weights, start_weights=start_weights)
@@ -72,10 +74,10 @@ class _Pieces(OpenHistory):
 class _PiecesByRows(_Pieces):
     """Memory of all pieces of a run whose steps each have weights of their own."""
 
-    def _tabulate(self, n):
+    def _tabulate(self, n: int) -> None:
         """Do nothing: `reach` computes the weights."""
 
-    def reach(self, n, pieces, groups):
+    def reach(self, n: int, pieces: np.ndarray, groups: np.ndarray) -> int:
         """Compute the weights of step n and of some later steps; return the step behind these."""
         first, end = self.tables.first, self.tables.first + self.tables.rows
         if not (first <= n < end and self.tables.weights.size):

@@ -6,12 +6,14 @@ sum of the modes ``Z_i = sum_m q_i**(n-2-m) u_m``, where u_m are the pieces. No 
 stored.
 """
 
+from __future__ import annotations
+
 import math
 from abc import abstractmethod
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import ClassVar, NamedTuple
+from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 
@@ -27,9 +29,10 @@ from ...kernels.memory_kernel import KernelErrors
 from ...kernels.mode_bank import Bank, damping
 from ...support.checks import positive, refuse
 from ..past import LANES, STARTS, exchange_modes, exchange_nothing, exchange_rows, set_amplitudes
+from ..plan import Convolution
 from ..power_series import inverse_gamma
 from ..row_plan import ROWS_AT_ONCE, RowSums
-from ..signatures import Tables, held
+from ..signatures import Held, Tables, held
 from ..steps import Span
 from .history import History, OpenHistory
 
@@ -95,12 +98,12 @@ class SumOfExponentials(History):
     takes_varying: ClassVar[bool] = True
     takes_meshes: ClassVar[bool] = True
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         tolerance("tol", self.tol)
         if self.horizon is not None:
             positive("horizon", self.horizon)
 
-    def memory(self, past, n_columns, n_block, span) -> OpenHistory:
+    def memory(self, past: Any, n_columns: int, n_block: int, span: Any) -> OpenHistory:
         """Return a new memory that stores modes; see `History.memory`."""
         if isinstance(past, RowSums):
             mesh = past.steps.mesh
@@ -117,7 +120,7 @@ class SumOfExponentials(History):
         arrays = held(n_columns, past.first_modal - 2, n, past.n_starts * n)
         return _Modes(tables, arrays, blocks, n - pad, covered, errors)
 
-    def _covered(self, enough, kernels, n_steps):
+    def _covered(self, enough: int, kernels: tuple[Any, ...], n_steps: int) -> int:
         """Return how many steps a bank covers: at least `enough`, or `n_steps` for fitted kernels.
 
         Fitted kernels are those that are given as a function or a table.
@@ -130,7 +133,7 @@ class SumOfExponentials(History):
             covered *= 10
         return covered
 
-    def _span(self, mesh, span):
+    def _span(self, mesh: np.ndarray, span: Span) -> Span:
         """Return the shortest and the longest time lag that modes cover on a mesh."""
         # if a run has one step, the steps of a resumed run must not be shorter
         shortest = span.shortest if np.isfinite(span.shortest) else mesh[1]
@@ -150,7 +153,7 @@ class _Tabulated(NamedTuple):
     errors: KernelErrors
 
 
-def _tabulated(convolution, covered, tol, n_block):
+def _tabulated(convolution: Convolution, covered: float, tol: float, n_block: int) -> _Tabulated:
     """Return the `_Tabulated` of a convolution over `covered` steps, in blocks of `n_block`."""
     exponents, kernels, tol = convolution.exponents(), convolution.kernels(), float(tol)
     fits = [kernel.exponentials(covered, tol) for kernel in kernels]
@@ -205,7 +208,7 @@ class _RowModes(OpenHistory):
         `here` is a slice of the rows of `past.rows`; `seen` are the decays from `RowSums.decays`.
         """
 
-    def __init__(self, past, n_columns, covered, tol):
+    def __init__(self, past: RowSums, n_columns: int, covered: Any, tol: float) -> None:
         self._past, self._covered, self._tol, self._rows = past, covered, tol, past.rows
         # the derivative, 1 or 2, in each term of each group; 0 for terms without memory
         derivatives = np.zeros((len(past.terms), max(map(len, past.terms))))
@@ -227,7 +230,7 @@ class _RowModes(OpenHistory):
         arrays = held(n_columns, modes=n_sets * rates.size)
         super().__init__(self._exchange, tables, arrays, *past.exact(0))
 
-    def reach(self, n, pieces, groups):
+    def reach(self, n: int, pieces: np.ndarray, groups: np.ndarray) -> int:
         """Compute decay and weights of the modes for the batch of steps with step n, if unknown."""
         end, rows = self._past.reach(n)
         first = n // self.tables.rows * self.tables.rows
@@ -239,7 +242,7 @@ class _RowModes(OpenHistory):
             self.tables = self.tables._replace(first=first, keep=keep, take=take, **tables)
         return min(end, last)
 
-    def prepare(self, n_end):
+    def prepare(self, n_end: int) -> None:
         """Refuse a march to step `n_end` with time lags that the modes do not cover."""
         times, covered = self._past.steps.mesh, self._covered
         if times is None:
@@ -258,14 +261,14 @@ class _FittedModes(_RowModes):
 
     _exchange = staticmethod(exchange_rows)
 
-    def _bank(self):
+    def _bank(self) -> tuple[np.ndarray, int]:
         operators = [op for terms in self._past.terms for _, op in terms if not op.classical]
         powers = sorted({operator.power for operator in operators}, reverse=True)
         fit = fit_unit(tuple(1 - p for p in powers), self._ratio, self._tol)
         self._fitted = dict(zip(powers, fit.weights, strict=True))
         return fit.rates, fit.rates.size
 
-    def _weighed(self, seen, here):
+    def _weighed(self, seen: np.ndarray, here: slice) -> dict[str, Any]:
         size, n_modes = self._rates.size, self.arrays.modes.shape[1]
         found = np.zeros((len(self._past.terms), self.tables.rows, n_modes))
         for own, terms in zip(found, self._past.terms, strict=True):
@@ -285,7 +288,7 @@ class _ModesOfAllOrders(_RowModes):
 
     _exchange = staticmethod(exchange_nothing)
 
-    def _bank(self):
+    def _bank(self) -> tuple[np.ndarray, int]:
         rates, self._h, x = bank_of_all_orders(self._ratio, self._tol)
         # extend the grid of rates to a multiple of _FOURS
         n_grid = _FOURS * math.ceil((rates.size - SLOW_NODES) / _FOURS)
@@ -298,7 +301,7 @@ class _ModesOfAllOrders(_RowModes):
         grid = np.exp(x + self._h * np.arange(1, n_grid + 1))
         return np.maximum(np.append(grid, rates[-SLOW_NODES:]), SMALLEST), rates.size
 
-    def _weighed(self, seen, here):
+    def _weighed(self, seen: np.ndarray, here: slice) -> dict[str, Any]:
         """Return fields of `Tables`, with amplitudes of ``c p t**(p-1) / Gamma(p + 1)``.
 
         The unit of t is the shortest time lag. See `_RowModes._weighed` for the arguments.
@@ -329,17 +332,25 @@ class _Modes(OpenHistory):
     Pieces drive their modes; modes of start values only decay. Weights in the window are exact.
     """
 
-    def __init__(self, tables, arrays, blocks, n_modes, covered, kernel_errors):
+    def __init__(
+        self,
+        tables: Tables,
+        arrays: Held,
+        blocks: tuple[np.ndarray, np.ndarray],
+        n_modes: int,
+        covered: int,
+        kernel_errors: KernelErrors,
+    ) -> None:
         super().__init__(exchange_modes, tables, arrays, *blocks)
         self.n_modes, self.kernel_errors = n_modes, kernel_errors
         self._covered = covered
 
-    def prepare(self, n_end):
+    def prepare(self, n_end: int) -> None:
         """Refuse a march to step `n_end` if the sum of exponentials covers fewer steps."""
         _refuse_beyond(self._covered, n_end)
 
 
-def _refuse_beyond(covered, n_end):
+def _refuse_beyond(covered: int, n_end: int) -> None:
     if n_end > covered:
         required = f"stay within the {covered} steps its history covers"
         refuse("resume", required, f"a run to step {n_end}", _REMEDY)

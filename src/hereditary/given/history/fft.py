@@ -6,13 +6,16 @@ sums of the next R 2**m steps, which is one square. Every pair is in exactly one
 triangle of pairs inside one batch. Pairs in triangles are summed directly.
 """
 
+from __future__ import annotations
+
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 from scipy.fft import irfft, next_fast_len, rfft
 
 from ..past import exchange_pending
+from ..plan import Convolution
 from ..signatures import Tables, held
 from .history import History, OpenHistory
 
@@ -50,7 +53,7 @@ class FFT(History):
 
     takes_kernels: ClassVar[bool] = True
 
-    def memory(self, past, n_columns, n_block, span) -> OpenHistory:
+    def memory(self, past: Any, n_columns: int, n_block: int, span: Any) -> OpenHistory:
         """Return a new memory of pieces and of sums for later steps; see `History.memory`."""
         return _Pending(past, n_columns, n_block)
 
@@ -58,14 +61,14 @@ class FFT(History):
 class _Pending(OpenHistory):
     """All pieces, and sums of pieces of finished batches for later steps."""
 
-    def __init__(self, convolution, n_columns, n_block):
+    def __init__(self, convolution: Convolution, n_columns: int, n_block: int) -> None:
         self._convolution = convolution
         self._n_block = n_block
         self._batch = _BLOCKS * n_block
         tables, arrays = Tables(length=self._batch), held(n_columns, starts=convolution.n_starts)
         super().__init__(exchange_pending, tables, arrays, *convolution.exact(n_block + 2))
 
-    def prepare(self, n_end):
+    def prepare(self, n_end: int) -> None:
         """Allocate arrays, and compute tables of weights, for steps up to `n_end`."""
         capacity = n_end + self._n_block
         grown = [_grown(getattr(self.arrays, name), capacity) for name in ("pieces", "pending")]
@@ -75,18 +78,18 @@ class _Pending(OpenHistory):
         square = self._batch << (blocks.bit_length() - 1) if blocks else 0
         self._tabulate(max(capacity + self._n_block, 2 * square) + 1)
 
-    def _tabulate(self, n):
+    def _tabulate(self, n: int) -> None:
         if self.tables.weights.shape[1] < n:
             weights, start_weights = self._convolution.exact(n)
             self.tables = self.tables._replace(weights=weights, start_weights=start_weights)
 
-    def reach(self, n, pieces, groups):
+    def reach(self, n: int, pieces: np.ndarray, groups: np.ndarray) -> int:
         """Add the pieces of a finished square to later steps; return the end of the next batch."""
         if n > 0 and n % self._batch == 0:
             self._act(n, pieces, groups)
         return (n // self._batch + 1) * self._batch
 
-    def _act(self, n, pieces, groups):
+    def _act(self, n: int, pieces: np.ndarray, groups: np.ndarray) -> None:
         j = n // self._batch
         length = self._batch * (j & -j)
         stored, pending = self.arrays.pieces, _grown(self.arrays.pending, n + length)
@@ -100,6 +103,6 @@ class _Pending(OpenHistory):
         pending[:, n : n + length] += irfft(product, size, axis=1)[:, length : 2 * length]
 
 
-def _grown(array, n):
+def _grown(array: np.ndarray, n: int) -> np.ndarray:
     """Return an array of at least n columns; new columns are 0."""
     return np.pad(array, ((0, 0), (0, max(0, n - array.shape[1]))))

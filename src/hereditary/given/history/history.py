@@ -11,7 +11,7 @@ are linear in the pieces. Between blocks Python may copy, store, restore or line
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -49,7 +49,14 @@ class OpenHistory(ABC):
     # largest relative errors of the sums of exponentials that replace kernels, power laws excepted
     kernel_errors: KernelErrors = NO_ERRORS
 
-    def __init__(self, exchange, tables, arrays, block_weights, block_start_weights):
+    def __init__(
+        self,
+        exchange: Any,
+        tables: Tables,
+        arrays: Held,
+        block_weights: np.ndarray,
+        block_start_weights: np.ndarray,
+    ) -> None:
         self.exchange = as_value(exchange, EXCHANGE_SIG)
         self.block_weights = np.ascontiguousarray(block_weights)
         self.block_start_weights = np.ascontiguousarray(block_start_weights)
@@ -69,7 +76,7 @@ class OpenHistory(ABC):
         return n + 2**62
 
     @property
-    def nbytes(self):
+    def nbytes(self) -> int:
         """Bytes of `arrays`, without tables."""
         return sum(array.nbytes for array in self.arrays)
 
@@ -82,7 +89,7 @@ class OpenHistory(ABC):
         """Return copies of the arrays as a tuple, for `restore`."""
         return tuple(array.copy() for array in self.arrays)
 
-    def restore(self, state) -> None:
+    def restore(self, state: tuple[np.ndarray, ...]) -> None:
         """Set the arrays to copies of those that `state` returned."""
         self.arrays = Held(*(np.ascontiguousarray(array, dtype=float).copy() for array in state))
 
@@ -90,7 +97,9 @@ class OpenHistory(ABC):
 class NoMemory(OpenHistory):
     """The empty memory of an equation whose terms all have integer orders."""
 
-    def __init__(self, n_columns, block_weights, block_start_weights):
+    def __init__(
+        self, n_columns: int, block_weights: np.ndarray, block_start_weights: np.ndarray
+    ) -> None:
         super().__init__(
             exchange_nothing, Tables(), held(n_columns), block_weights, block_start_weights
         )
@@ -136,5 +145,5 @@ class History(ABC):
         return self.memory(past, n_columns, n_block, span)
 
     @abstractmethod
-    def memory(self, past: Past, n_columns: int, n_block: int, span) -> OpenHistory:
+    def memory(self, past: Past, n_columns: int, n_block: int, span: Any) -> OpenHistory:
         """Return a new `OpenHistory` for sums with more than the newest two pieces; see `open`."""

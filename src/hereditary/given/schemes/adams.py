@@ -10,6 +10,8 @@ For f_(n+1-k), k steps before the end of the step to t_(n+1), the weight is W_k.
 the weight is ``A_n - A_(n-1)`` with ``A_n = n**(alpha+1) - (n-alpha) (n+1)**alpha``.
 """
 
+from __future__ import annotations
+
 from dataclasses import dataclass, replace
 from functools import lru_cache, partial
 from typing import ClassVar
@@ -18,6 +20,7 @@ import numpy as np
 from scipy.special import rgamma, zeta
 
 from ...equation.system import System
+from ...equation.terms import ConstantOrder
 from ...kernels.special import first_moment_exponential, gauss_unit, mean_exponential
 from ...stepping.scheme import Scheme, check_smoothness
 from ...support.checks import count, within
@@ -27,7 +30,7 @@ from ..uniform_plan import uniform_plan
 from ..watch import QUICK
 
 
-def hat_weights(alpha, n):
+def hat_weights(alpha: float, n: int) -> np.ndarray:
     """Return the weights W_0 .. W_(n-1) of values of f, computed without cancellation."""
     weights = np.ones(n)
     g = [1.0, 2 ** (alpha + 1) - 2, 3 ** (alpha + 1) - 2 * 2 ** (alpha + 1) + 1]
@@ -38,7 +41,7 @@ def hat_weights(alpha, n):
     return weights
 
 
-def start_weights(alpha, n):
+def start_weights(alpha: float, n: int) -> np.ndarray:
     """Return the weights A_k - A_(k-1) of f_0 for k = 0 .. n-1, with A_(-1) = 0."""
     weights = np.full(n, alpha)
     if n > 1:
@@ -49,7 +52,7 @@ def start_weights(alpha, n):
 
 
 @lru_cache(maxsize=4)
-def _power_steps(alpha, n):
+def _power_steps(alpha: float, n: int) -> np.ndarray:
     """Return the integrals that the weights consist of, over [k, k+1] for k = 2 .. n-1, (2, n - 2).
 
     The integrand ``alpha (alpha+1) (t**(alpha-1) - (t-1)**(alpha-1))`` is multiplied by t - k in
@@ -68,7 +71,7 @@ def _power_steps(alpha, n):
     return np.concatenate(found).T
 
 
-def _exponent(alpha):
+def _exponent(alpha: float) -> float | None:
     """Return a of the kernel ``t**-a`` whose sum of exponentials gives the weights.
 
     The kernel is ``t**(alpha-1)`` for alpha < 1, and ``t**(alpha-2)`` for alpha > 1. At alpha = 1
@@ -79,7 +82,7 @@ def _exponent(alpha):
     return 1 - alpha if alpha < 1 else 2 - alpha
 
 
-def _step_share(alpha, rates):
+def _step_share(alpha: float, rates: np.ndarray) -> np.ndarray:
     """Return the contributions of modes to ``t**(alpha-1) - (t-1)**(alpha-1)`` at t = 1.
 
     They are for unit weights of modes, and include the factor ``alpha (alpha+1)``.
@@ -89,12 +92,12 @@ def _step_share(alpha, rates):
     return alpha * (alpha + 1) * (alpha - 1) * mean_exponential(rates)
 
 
-def _modal_hat(alpha, rates, weights, k):
+def _modal_hat(alpha: float, rates: np.ndarray, weights: np.ndarray, k: int) -> np.ndarray:
     hat = mean_exponential(rates) ** 2
     return _step_share(alpha, rates) * weights * hat * np.exp(-rates * (k - 2))
 
 
-def _modal_start(alpha, rates, weights, k):
+def _modal_start(alpha: float, rates: np.ndarray, weights: np.ndarray, k: int) -> np.ndarray:
     ramp = first_moment_exponential(rates)
     # at k = 0 the result grows like exp(rates); it is used only times decays exp(-rates k), k >= 2
     return _step_share(alpha, rates) * weights * ramp * np.exp(-rates * (k - 1))
@@ -105,7 +108,7 @@ HATS = WeightRule(hat_weights, _exponent, _modal_hat)
 FIRST_VALUE = WeightRule(start_weights, _exponent, _modal_start)
 
 
-def _plan(system, h, corrections):
+def _plan(system: System, h: float, corrections: int) -> Plan:
     """Make the plan of the product trapezoidal rule with this number of corrector sweeps.
 
     0 means an implicit step by Newton's method.
@@ -118,12 +121,14 @@ def _plan(system, h, corrections):
     return replace(plan, region=_region(system, plan.rows.lead[plan.groups, 0], corrections))
 
 
-def _weighed(c, operator, h, rule):
+def _weighed(
+    c: float, operator: ConstantOrder, h: float, rule: WeightRule
+) -> tuple[float, WeightRule, float]:
     """Return the factor, rule and order of a term c D^alpha: weights of f on the left side."""
     return -(h**operator.order) * rgamma(operator.order + 2) / c, rule, operator.order
 
 
-def _region(system, lead, corrections):
+def _region(system: System, lead: np.ndarray, corrections: int) -> StabilityRegion | None:
     """Return the limits of K = -d f / d y as a `StabilityRegion`; None if every step is stable.
 
     Corrector sweeps contract only if ``lead K < 1``, and this is the limit returned. It is sharp
@@ -190,7 +195,7 @@ class Adams(Scheme):
     solve: ClassVar[str] = "sweeps"
     several_terms: ClassVar[bool] = False
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         count("corrections", self.corrections)
 
     def order(self, alpha: float, smoothness: str = "smooth") -> float:

@@ -6,13 +6,18 @@ increments w it is ``h**-alpha sum_k W_k w_(n-k)``, where W_k are the coefficien
 ``delta(z)**alpha / (1 - z)``.
 """
 
+from __future__ import annotations
+
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache, partial
+from typing import Any
 
 import numpy as np
 from scipy.special import factorial, rgamma
 
 from ...equation.system import System
+from ...equation.terms import ConstantOrder
 from ...stepping.scheme import Scheme, check_smoothness
 from ...support.checks import count, refuse, within
 from ..plan import Plan, WeightRule
@@ -116,25 +121,27 @@ class BDF(Scheme):
         )
 
 
-def weighed_by_power(c, operator, h, rule):
+def weighed_by_power(
+    c: float, operator: ConstantOrder, h: float, rule: WeightRule
+) -> tuple[float, WeightRule, float]:
     """Return the factor, rule and order for the term c times an operator, with steps h."""
     return c * h**-operator.order, rule, operator.order
 
 
 @lru_cache(maxsize=8)
-def quadrature_weights(p):
+def quadrature_weights(p: int) -> WeightRule:
     """Return the rule whose weights are the coefficients of ``delta(z)**alpha / (1 - z)``."""
     return WeightRule(partial(_exact, p), exponent, partial(_modal, p))
 
 
-def _exact(p, alpha, n):
+def _exact(p: int, alpha: float, n: int) -> np.ndarray:
     """Return n coefficients of ``(1-z)**(alpha-1) (sum_(k=1)^p (1-z)**(k-1) / k)**alpha``."""
     factor = _shifted_power_sum(p)
     return series_of_power(factor, float(alpha), n)
 
 
 @lru_cache(maxsize=8)
-def _shifted_power_sum(p):
+def _shifted_power_sum(p: int) -> np.ndarray:
     """Return the coefficients of the polynomial ``sum_(k=1)^p (1-z)**(k-1) / k`` in z."""
     total = np.polynomial.Polynomial([0.0])
     for k in range(1, p + 1):
@@ -142,7 +149,7 @@ def _shifted_power_sum(p):
     return total.coef
 
 
-def exponent(alpha):
+def exponent(alpha: float) -> float | None:
     """Return a of the kernel ``t**-a`` behind the weights: alpha, or None for integer orders.
 
     Integer orders have no memory beyond 2 p steps.
@@ -150,7 +157,7 @@ def exponent(alpha):
     return None if alpha in (1.0, 2.0) else alpha
 
 
-def _modal(p, alpha, rates, weights, k):
+def _modal(p: int, alpha: float, rates: np.ndarray, weights: np.ndarray, k: int) -> np.ndarray:
     """Return the contributions to W_k of modes, which are summands of the kernel t**-alpha.
 
     ``W_k = sin(pi alpha)/pi int exp(-k s) |delta(e**s)|**alpha / (e**s - 1) ds`` is an integral of
@@ -176,7 +183,7 @@ _N_EARLY = 256
 _N_LATE = 3
 
 
-def _formed_drift(system, h, p):
+def _formed_drift(system: System, h: float, p: int) -> Sequence[np.ndarray] | None:
     """Return the error of the formula for t y'(0) in terms of order gamma below 1.
 
     The increments leave out t y'(0), whose exact derivative is a multiple of ``t**(1-gamma)``. With
@@ -204,7 +211,7 @@ def _formed_drift(system, h, p):
 
 
 @lru_cache(maxsize=64)
-def drift_defect(p, gamma):
+def drift_defect(p: int, gamma: float) -> tuple[np.ndarray, np.ndarray]:
     """Return the formula's derivative of order gamma of t, less the exact one, for steps of 1.
 
     The samples of t with start corrections are ``n + b_n``, b being `start_coefficients`. Their
@@ -229,7 +236,7 @@ def drift_defect(p, gamma):
     s = np.arange(size)
     x = (-1.0) ** s / factorial(s + 1)  # (1 - z) / s with z = exp(-s)
     z = np.append(1.0, -x[:-1])
-    delta = sum(_product(_power(x, k), np.eye(size)[k - 1]) / k for k in range(1, p + 1))
+    delta: Any = sum(_product(_power(x, k), np.eye(size)[k - 1]) / k for k in range(1, p + 1))
     start = sum((b_k * _power(z, k) for k, b_k in enumerate(b, 1)), np.zeros(size))
     # series in s of delta**(gamma-2) (delta**2 (z / (1-z)**2 + b)), without the factor s**(gamma-2)
     ratio = _product(_power(delta, 2), _product(z, _real_power(x, -2)))
@@ -242,12 +249,12 @@ def drift_defect(p, gamma):
     return early, late
 
 
-def _product(a, b):
+def _product(a: np.ndarray, b: np.ndarray) -> np.ndarray:
     """Return the product of two power series, with as many coefficients as the first one has."""
     return np.convolve(a, b)[: a.size]
 
 
-def _power(a, k):
+def _power(a: np.ndarray, k: int) -> np.ndarray:
     """Return the k-th power of a power series, k = 0, 1, 2, .., with as many coefficients."""
     total = np.eye(a.size)[0]
     for _ in range(k):
@@ -255,7 +262,7 @@ def _power(a, k):
     return total
 
 
-def _real_power(a, exponent):
+def _real_power(a: np.ndarray, exponent: float) -> np.ndarray:
     """Return a real power of a power series with a_0 = 1, with as many coefficients."""
     power = np.eye(a.size)[0]
     for n in range(1, a.size):
@@ -264,7 +271,7 @@ def _real_power(a, exponent):
     return power
 
 
-def _start_corrections(system, h, p):
+def _start_corrections(system: System, h: float, p: int) -> np.ndarray:
     """Return corrections of the right-hand side in the first p - 1 steps, shape (p-1, d).
 
     The correction in step n is ``a_n phi(0) + sum_(l=1)^(p-2) b_(l,n) h**l phi^(l)(0)``. Here
@@ -289,7 +296,7 @@ def _start_corrections(system, h, p):
 
 
 @lru_cache(maxsize=32)
-def start_coefficients(p, order):
+def start_coefficients(p: int, order: int) -> np.ndarray:
     """Return the coefficients b_(l,n) of start corrections, n = 1 .. p-1, for l = `order`.
 
     For l = 0 they are the a_n. The condition is ``delta(z)**(l+1) (sum_n n**l z**n / l! + sum_n b_n
@@ -311,5 +318,5 @@ def start_coefficients(p, order):
     return np.concatenate([solved, np.zeros(order)])
 
 
-def _coefficients(polynomial, n):
+def _coefficients(polynomial: Any, n: int) -> np.ndarray:
     return np.pad(polynomial.coef, (0, n))[:n]

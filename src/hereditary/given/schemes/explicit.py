@@ -7,19 +7,23 @@ p = ceil(alpha) - alpha and ``A = coefficient h**-alpha / Gamma(p + 1)``. The ri
 evaluated at t_n.
 """
 
+from __future__ import annotations
+
 from dataclasses import dataclass
 from functools import partial
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 
 from ...equation.equation import Equation
 from ...equation.system import System
+from ...equation.terms import ConstantOrder
+from ...kernels.step_kernel import PowerSteps
 from ...stepping.scheme import Scheme, check_smoothness
 from ...support.checks import instance, refuse, within
-from ..plan import Plan
+from ..plan import Plan, WeightRule
 from ..row_plan import varying_plan
-from ..stability import largest_step, polylogarithm, stability_region
+from ..stability import StabilityRegion, largest_step, polylogarithm, stability_region
 from ..uniform_plan import uniform_plan
 from ..watch import SLOWEST
 from ..weights import FIRST_DIFFERENCES, by_rule, value_weights, weighed
@@ -123,7 +127,7 @@ class ExplicitCaputo(Scheme):
             refuse("equation", "have constant orders", repr(equation), "ask for those of one time")
         return largest_step(lambda h: self._limits(system, h)[: system.n_solved], stiffness)
 
-    def _limits(self, system, h):
+    def _limits(self, system: System, h: float) -> np.ndarray:
         """Return the stiffness (d,) above which x_n = (-1)**n grows, for steps h."""
         distinct, groups = system.distinct
         limits = np.zeros(len(distinct))
@@ -139,7 +143,7 @@ class ExplicitCaputo(Scheme):
             return varying_plan(system, h, 1.0, explicit=True)
         second = system.highest_orders() > 1
         speed = h * system.y0[1] if system.m == 2 else 0.0
-        starts = [(partial(_start_weights, h=h), np.where(second, speed, 0.0))]
+        starts: list[Any] = [(partial(_start_weights, h=h), np.where(second, speed, 0.0))]
         if any(op.kernel is not None and op.derivative == 0 for op, _ in system.left):
             # y(0) is a start value if a kernel acts on y itself, because increments omit it
             values = partial(value_weights, h=h, theta=0.0, derivative=0)
@@ -157,15 +161,17 @@ class ExplicitCaputo(Scheme):
         )
 
 
-def _start_weights(c, operator, h):
+def _start_weights(
+    c: float, operator: ConstantOrder, h: float
+) -> tuple[float, WeightRule, PowerSteps]:
     return by_rule(-c, operator, h, FIRST_DIFFERENCES)
 
 
-def _region(system, h, limits):
+def _region(system: System, h: float, limits: np.ndarray) -> StabilityRegion:
     distinct, _ = system.distinct
 
-    def curve(zeta):  # sum_k b_k zeta**-k = (zeta - 1) Li_(-p)(1 / zeta)
-        total = 0.0
+    def curve(zeta: np.ndarray) -> Any:  # sum_k b_k zeta**-k = (zeta - 1) Li_(-p)(1 / zeta)
+        total: Any = 0.0
         for c, operator in distinct[0]:
             factor, _, _ = weighed(c, operator, h)
             lean = 1 - 1 / zeta if operator.derivative == 2 else 1.0

@@ -6,9 +6,11 @@ The power series of ``((1-z)/h)**alpha`` acts on samples of x - x(0). In terms o
 ``h**-alpha S_n h x'(0)``, where S_n is the sum of W_0 to W_n.
 """
 
+from __future__ import annotations
+
 from dataclasses import dataclass
 from functools import partial
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 from scipy.special import rgamma
@@ -19,7 +21,7 @@ from ...kernels.special import mean_exponential
 from ...stepping.scheme import Scheme, check_smoothness
 from ...support.checks import instance, refuse, within
 from ..plan import Plan, WeightRule
-from ..stability import largest_step, stability_region
+from ..stability import StabilityRegion, largest_step, stability_region
 from ..uniform_plan import uniform_plan
 from ..watch import SLOWEST
 from .bdf import exponent, quadrature_weights, weighed_by_power
@@ -83,7 +85,7 @@ class GrunwaldLetnikov(Scheme):
     whole: ClassVar[bool] = True
     plans_by_terms: ClassVar[bool] = True
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         if not isinstance(self.map, bool):
             refuse("map", "be True or False", repr(self.map), kind=TypeError)
 
@@ -137,7 +139,7 @@ class GrunwaldLetnikov(Scheme):
         stiffness = within("stiffness", stiffness, 5e-324, np.inf, "(0, inf)")
         return largest_step(lambda h: self._limits(system, h)[: system.n_solved], stiffness)
 
-    def _limits(self, system, h):
+    def _limits(self, system: System, h: float) -> np.ndarray:
         """Return the stiffness (d,) above which x_n = (-1)**n grows, for steps h."""
         distinct, groups = system.distinct
         limits = [sum(c * (2 / h) ** op.order for c, op in key) for key in distinct]
@@ -161,7 +163,7 @@ class GrunwaldLetnikov(Scheme):
         )
 
 
-def _modal(alpha, rates, weights, k):
+def _modal(alpha: float, rates: np.ndarray, weights: np.ndarray, k: int) -> np.ndarray:
     """Return the contributions to W_k of modes, which are summands of the kernel t**-alpha.
 
     ``W_k = sin(pi alpha)/pi int exp(-k s) (exp(s) - 1)**(alpha-1) ds``
@@ -170,7 +172,7 @@ def _modal(alpha, rates, weights, k):
     return shares * np.exp(-rates * (k + 1 - alpha))
 
 
-def _speed(alpha, n):
+def _speed(alpha: float, n: int) -> np.ndarray:
     """Return weights of h x'(0): -S_k above order 1, otherwise 0; W_0 = 1 is added for k = 0.
 
     Explicit steps are solved for the change of the increment, and h x'(0) is the increment before
@@ -181,11 +183,11 @@ def _speed(alpha, n):
     return sums
 
 
-def _speed_exponent(alpha):
+def _speed_exponent(alpha: float) -> float | None:
     return exponent(alpha - 1) if alpha > 1 else None
 
 
-def _modal_speed(alpha, rates, weights, k):
+def _modal_speed(alpha: float, rates: np.ndarray, weights: np.ndarray, k: int) -> np.ndarray:
     return -_modal(alpha - 1, rates, weights, k)
 
 
@@ -195,10 +197,10 @@ POWER_SERIES = WeightRule(_SERIES.exact, exponent, _modal)
 SPEED = WeightRule(_speed, _speed_exponent, _modal_speed)
 
 
-def _region(system, h, limits):
+def _region(system: System, h: float, limits: np.ndarray) -> StabilityRegion:
     distinct, _ = system.distinct
 
-    def curve(zeta):
+    def curve(zeta: np.ndarray) -> Any:
         terms = distinct[0]
         return zeta * sum(c * ((1 - 1 / zeta) / h) ** operator.order for c, operator in terms)
 

@@ -1,8 +1,10 @@
 """The L1 scheme: piecewise linear solutions."""
 
+from __future__ import annotations
+
 from dataclasses import dataclass
 from functools import partial
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -117,7 +119,7 @@ class L1(Scheme):
         return mesh_plan(self, system, times, theta, 0)
 
 
-def _speed_weights(c, operator, h):
+def _speed_weights(c: float, operator: Any, h: float) -> tuple[Any, ...] | None:
     """Return weights of h y'(0) in terms with y'', or None for terms with y or y'.
 
     y'(0) is the first velocity in the differences of velocities.
@@ -125,7 +127,7 @@ def _speed_weights(c, operator, h):
     return by_rule(-c, operator, h, FIRST_DIFFERENCES) if operator.derivative == 2 else None
 
 
-def _remembers(system, derivative):
+def _remembers(system: System, derivative: int) -> bool:
     """Return whether a term has a general kernel that acts on this derivative of y (0 or 1)."""
     return any(
         operator.kernel is not None and operator.derivative == derivative and np.any(c)

@@ -1,7 +1,10 @@
 """The L1-2 scheme: on each step a parabola that also passes through the value one step earlier."""
 
+from __future__ import annotations
+
 from dataclasses import dataclass
 from functools import partial
+from typing import Any
 
 import numpy as np
 
@@ -76,12 +79,12 @@ class L12(Scheme):
 _NEXT_MOMENT = parabola_start(1.0)
 
 
-def _lacking(kernel, n):
+def _lacking(kernel: Any, n: int) -> np.ndarray:
     last = -np.asarray(kernel.last_moment())[..., None]
     return np.concatenate([last, _NEXT_MOMENT.exact(kernel, n - 1)], axis=-1)
 
 
-def _backward(kernel, n):
+def _backward(kernel: Any, n: int) -> np.ndarray:
     return FIRST_DIFFERENCES.exact(kernel, n) - np.diff(_lacking(kernel, n), prepend=0.0)
 
 

@@ -1,5 +1,7 @@
 """Alikhanov's L2-1sigma scheme."""
 
+from __future__ import annotations
+
 from dataclasses import dataclass
 from typing import ClassVar
 
@@ -96,7 +98,7 @@ class L2Sigma(Scheme):
         return mesh_plan(self, system, times, sigma, 1)
 
 
-def _terms(system):
+def _terms(system: System) -> list[tuple[float, float]]:
     """Return coefficients and orders of the terms that all components share."""
     distinct, _ = system.distinct
     if len(distinct) > 1:
@@ -106,7 +108,7 @@ def _terms(system):
     return [(c, operator.order) for c, operator in distinct[0]]
 
 
-def _sigma(terms, h):
+def _sigma(terms: list[tuple[float, float]], h: float) -> float:
     """Return sigma for (coefficient, order) of each term and steps h, by bisection.
 
     The equation for sigma is in the docstring of `L2Sigma`.
