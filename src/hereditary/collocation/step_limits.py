@@ -53,8 +53,11 @@ class StepLimits:
 
     def limits(self, system, origin, t_stop, tolerances):
         """Return the `Limits` of a march from `origin` to `t_stop`, with tolerances `Allowed`."""
-        times = t_stop, system.beside(origin, 1), system.beside(t_stop, -1)
-        return Limits._make((*times, *self.longest, *tolerances, self._t_end))
+        (longest, idle), (rtol, atol, by_size) = self.longest, tolerances
+        return Limits(
+            t_stop, system.beside(origin, 1), system.beside(t_stop, -1), longest, idle,
+            rtol, atol, by_size, self._t_end,
+        )  # fmt: skip
 
     def used_up(self, n_steps):
         """Return whether a run has made all the steps that are allowed."""
