@@ -135,8 +135,8 @@ class Functions(NamedTuple):
     - rhs to complex_reading: g, of which `form` names one; jac to jac_memory: its Jacobian, of
       which `jac_form` names one. The others are `absent`.
     - in_python (3,): addresses of C functions in place of g, its Jacobian, and that by memory.
-    - rows, columns, places (k,): entries of a Jacobian of few components, and their index in the
-      array of shape (jac_rows, jac_columns) that the user's function fills; empty if it is dense.
+    - rows, columns (k,): entries of a Jacobian of few components; empty if it is dense. places (k,):
+      their index in the array of the user, -1 for none. (jac_rows, jac_columns) is its shape.
     - start: time of the user at time 0.
     - n: number of values of g, in real numbers.
     """
