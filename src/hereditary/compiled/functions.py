@@ -23,12 +23,12 @@ from numpy.typing import ArrayLike
 
 from .callbacks import PythonRaised, call_at
 from .jit import (
-    COMPLEX_READING_SIG,
+    COMPLEX_MEMORY_RHS_SIG,
     COMPLEX_RHS_SIG,
     F8,
     JAC_SIG,
-    READING_JAC_SIG,
-    READING_SIG,
+    MEMORY_JAC_SIG,
+    MEMORY_RHS_SIG,
     RHS_SIG,
     VEC,
     Cubes,
@@ -135,21 +135,22 @@ class Functions(NamedTuple):
     - rhs to complex_reading: g, of which `form` names one; jac to jac_memory: its Jacobian, of
       which `jac_form` names one. The others are `absent`.
     - in_python (3,): addresses of C functions in place of g, its Jacobian, and that by memory.
-    - rows, columns (k,): entries of a Jacobian of few components; empty if it is dense. places (k,):
-      their index in the array of the user, -1 for none. (jac_rows, jac_columns) is its shape.
+    - rows, columns (k,): entries of a Jacobian of few components; empty if it is dense.
+    - places (k,): their index in the array of the user, -1 for none. Its shape is (jac_rows,
+      jac_columns).
     - start: time of the user at time 0.
     - n: number of values of g, in real numbers.
     """
 
     params: Vector
     rhs: Annotated[Any, FunctionField(RHS_SIG)]
-    reading: Annotated[Any, FunctionField(READING_SIG)]
+    reading: Annotated[Any, FunctionField(MEMORY_RHS_SIG)]
     complex: Annotated[Any, FunctionField(COMPLEX_RHS_SIG)]
-    complex_reading: Annotated[Any, FunctionField(COMPLEX_READING_SIG)]
+    complex_reading: Annotated[Any, FunctionField(COMPLEX_MEMORY_RHS_SIG)]
     jac: Annotated[Any, FunctionField(JAC_SIG)]
     jac_entries: Annotated[Any, FunctionField(RHS_SIG)]
-    jac_reading: Annotated[Any, FunctionField(READING_JAC_SIG)]
-    jac_memory: Annotated[Any, FunctionField(READING_JAC_SIG)]
+    jac_reading: Annotated[Any, FunctionField(MEMORY_JAC_SIG)]
+    jac_memory: Annotated[Any, FunctionField(MEMORY_JAC_SIG)]
     in_python: Integers
     rows: Integers
     columns: Integers

@@ -69,12 +69,12 @@ RHS_SIG = types.void(F8, VEC, VEC, VEC)
 # The same for complex components.
 COMPLEX_RHS_SIG = types.void(F8, _CVEC, _CVEC, VEC)
 # Signatures of ``rhs(t, y, memory, dy, params)``, with memory (k, d).
-READING_SIG = types.void(F8, VEC, MAT, VEC, VEC)
-COMPLEX_READING_SIG = types.void(F8, _CVEC, _CMAT, _CVEC, VEC)
+MEMORY_RHS_SIG = types.void(F8, VEC, MAT, VEC, VEC)
+COMPLEX_MEMORY_RHS_SIG = types.void(F8, _CVEC, _CMAT, _CVEC, VEC)
 # Signature of a Jacobian ``jac(t, y, jacobian, params)``, which fills the jacobian (d, d).
 JAC_SIG = types.void(F8, VEC, MAT, VEC)
 # Signature of a Jacobian ``jac(t, y, memory, jacobian, params)``, also of that by memory, (d, k d).
-READING_JAC_SIG = types.void(F8, VEC, MAT, MAT, VEC)
+MEMORY_JAC_SIG = types.void(F8, VEC, MAT, MAT, VEC)
 
 
 # Least thresholds of Python's garbage collector, as in gc.set_threshold, while functions are

@@ -28,11 +28,11 @@ from ..compiled.functions import (
     of_user,
 )
 from ..compiled.jit import (
-    COMPLEX_READING_SIG,
+    COMPLEX_MEMORY_RHS_SIG,
     COMPLEX_RHS_SIG,
     JAC_SIG,
-    READING_JAC_SIG,
-    READING_SIG,
+    MEMORY_JAC_SIG,
+    MEMORY_RHS_SIG,
     RHS_SIG,
 )
 from ..support.checks import refuse
@@ -86,7 +86,7 @@ def functions_of(
         fields |= {"jac_rows": rows, "jac_columns": columns}
     if jac is not None and k:
         by_memory = d, k * d
-        found = function_of("jac_memory", "jacobian", jac_memory, start, by_memory, READING_JAC_SIG)
+        found = function_of("jac_memory", "jacobian", jac_memory, start, by_memory, MEMORY_JAC_SIG)
         parts.append(_Part("jac_memory", found, "jac_memory", {}, {}, by_memory))
     addresses, callbacks = np.zeros(3, dtype=np.int64), []
     for number, part in enumerate(parts):
@@ -121,9 +121,9 @@ class _Part(NamedTuple):
 # Field, form and signature of a right-hand side, by whether it reads memory and is complex.
 _FORMS = {
     (False, False): ("rhs", REAL, RHS_SIG),
-    (True, False): ("reading", READING, READING_SIG),
+    (True, False): ("reading", READING, MEMORY_RHS_SIG),
     (False, True): ("complex", COMPLEX, COMPLEX_RHS_SIG),
-    (True, True): ("complex_reading", COMPLEX_READING, COMPLEX_READING_SIG),
+    (True, True): ("complex_reading", COMPLEX_READING, COMPLEX_MEMORY_RHS_SIG),
 }
 
 
@@ -143,7 +143,7 @@ def _jacobian(jac: Any, start: Start, shape: tuple[int, ...]) -> _Part:
     if len(shape) > 1:
         field, form, signature = "jac", A_MATRIX, JAC_SIG
         if len(start.memory):
-            field, form, signature = "jac_reading", IN_TWO_PARTS, READING_JAC_SIG
+            field, form, signature = "jac_reading", IN_TWO_PARTS, MEMORY_JAC_SIG
         made = function_of("jac", "jacobian", jac, start, shape, signature)
         return _Part("jac", made, field, {"jac_form": form}, called, shape)
     with warnings.catch_warnings():  # slow calls matter little: Jacobians serve many steps
