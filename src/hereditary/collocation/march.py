@@ -42,7 +42,7 @@ from .structures import (
     FILLING_SIG,
     HELD,
     LENGTH,
-    READING_SIG,
+    READ_VARYING_SIG,
     TANGENTS_SIG,
     AdaptiveMarch,
     FirstJacobian,
@@ -312,7 +312,7 @@ def _functions(has_tangents, varies, has_kernels):
     tangents = solve_for_tangents if has_tangents else no_tangents
     reading = read_varying if varies else read_nothing
     filling = fill_kernels if has_kernels else fill_nothing
-    how = as_value(tangents, TANGENTS_SIG), as_value(reading, READING_SIG)
+    how = as_value(tangents, TANGENTS_SIG), as_value(reading, READ_VARYING_SIG)
     return *how, as_value(filling, FILLING_SIG)
 
 

@@ -466,7 +466,7 @@ WORK = Reference(compiled_type(AdaptiveWork))
 # tolerance.
 TANGENTS_SIG = F8(WORK, F8, I8)
 # Arguments: work, slot of the tables, and column: 0 for the orbit, 1 to k for a tangent.
-READING_SIG = types.void(WORK, I8, I8)
+READ_VARYING_SIG = types.void(WORK, I8, I8)
 # Arguments: work, step length, slot of the tables.
 FILLING_SIG = types.void(WORK, F8, I8)
 
@@ -476,7 +476,7 @@ class AdaptiveMarch(NamedTuple):
 
     work: AdaptiveWork
     solve_for_tangents: Annotated[Any, FunctionField(TANGENTS_SIG)]
-    read_varying: Annotated[Any, FunctionField(READING_SIG)]
+    read_varying: Annotated[Any, FunctionField(READ_VARYING_SIG)]
     fill_kernels: Annotated[Any, FunctionField(FILLING_SIG)]
 
 
