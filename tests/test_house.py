@@ -138,6 +138,19 @@ def test_each_constant_has_a_line():
                 assert not all(isinstance(each, ast.Tuple) for each in both), (path, node.lineno)
 
 
+def test_the_name_of_a_private_constant_stands_in_one_file():
+    """So that it says which quantity it is; letters of type variables are shared."""
+    places = {}
+    for path, tree in TREES.items():
+        for node in tree.body:
+            if isinstance(node, (ast.Assign, ast.AnnAssign)):
+                targets = node.targets if isinstance(node, ast.Assign) else [node.target]
+                for name in [n.id for t in targets for n in ast.walk(t) if isinstance(n, ast.Name)]:
+                    if re.fullmatch(r"_[A-Z0-9_]{2,}", name):
+                        places.setdefault(name, set()).add(path)
+    assert {name: files for name, files in places.items() if len(files) > 1} == {}
+
+
 # Words that prose must not use in a sense of its own, and that names must not either.
 BANNED = {"told", "begun", "pace", "Pace", "PACE", "STRETCH"}
 

@@ -28,7 +28,7 @@ from .stepping.scheme import Scheme
 from .support.checks import instance, real, real_array, refuse, shown
 
 # Times are equidistant if they differ from equidistant ones by less than this fraction of the step.
-_EVEN = 1e-9
+_EQUIDISTANT_TOL = 1e-9
 # Most numbers in an array of weights: 16 MB. Ten times as many are slower, because they leave the
 # cache.
 _BLOCK = 2_000_000
@@ -36,9 +36,9 @@ _BLOCK = 2_000_000
 _DEGREES = (16, 32, 64, 128, 256, 512)
 # A polynomial resolves a function if its last coefficients, over the largest of all, are below
 # this: 30 roundings, since coefficients have rounding errors.
-_RESOLVED = 30 * np.finfo(float).eps
+_RESOLVED_RTOL = 30 * np.finfo(float).eps
 # Least number of derivatives by u of t**order, which choose the power q of t = u**q.
-_SMOOTH = 6.0
+_MIN_DERIVATIVES = 6.0
 # Fraction of t next to the singularity in which kernels are integrated exactly.
 _NEAREST = 2.0**-50
 
@@ -200,7 +200,7 @@ class _Data(_Known):
         self._values = values.reshape(times.size, -1)
         self.y0, self._h = self._values[0], self.times[-1] / (times.size - 1)
         even = self._h * np.arange(times.size)
-        self._even = bool(np.abs(self.times - even).max() < _EVEN * self._h)
+        self._even = bool(np.abs(self.times - even).max() < _EQUIDISTANT_TOL * self._h)
 
     def one(self, operator: Any, columns: Any) -> Any:
         """Return the value of one operator at all times, from increments."""
@@ -270,7 +270,7 @@ class _Function(_Known):
         m, kernel, total = operator.derivative, operator.kernel, self._end
         whole = kernel is None and operator.order == m
         order = operator.order if kernel is None else kernel.singular_exponent
-        q, series = self._series(1 if m > 1 else math.ceil(_SMOOTH / max(order, 0.1)))
+        q, series = self._series(1 if m > 1 else math.ceil(_MIN_DERIVATIVES / max(order, 0.1)))
         series = series[:, columns]
         if m:
             series = chebyshev.chebder(series, m, 2.0) / total ** (m - 1)
@@ -312,7 +312,7 @@ class _Function(_Known):
             for degree in _DEGREES:
                 series = _interpolated(of_u, degree)
                 size = np.abs(series).max(axis=0)
-                if np.all(np.abs(series[-degree // 8 :]).max(axis=0) <= _RESOLVED * size):
+                if np.all(np.abs(series[-degree // 8 :]).max(axis=0) <= _RESOLVED_RTOL * size):
                     least = np.abs(series) > np.finfo(float).eps * size
                     kept = series[: 2 + np.flatnonzero(least.any(axis=1)).max(initial=0)]
                     kept[0] += self.y0  # constants leave no rounding in derivatives

@@ -54,22 +54,22 @@ from .support.machine import cores
 from .support.optional import optional
 from .support.warning import silence, warn
 
-_SAVED = "be an ensemble that Ensemble.save wrote"
+_SAVED_ENSEMBLE = "be an ensemble that Ensemble.save wrote"
 _UNSTABLE = (Status.STEP_TOO_LARGE, Status.ZIGZAG)
 # Entries of `Ensemble.stats` that have one number for each member.
 _COUNTS = "n_steps", "n_rhs"
 # Members that are timed to choose the number of threads.
-_TIMED = 4
+_TIMED_MEMBERS = 4
 # Least seconds per member for several threads. Python prepares each member for 0.15 ms, during
 # which other threads wait. 512 Riccati equations of 50 steps take 160 ms on one thread and 240 on
 # two. With ten times this value most ensembles would run on one core.
-_SHORT = 4e-4
+_MIN_SECONDS_PER_MEMBER = 4e-4
 
 
 # Parts into which the members of each process are divided, so that all end at about the same time.
 _PARTS = 8
 # Seconds between two checks for Ctrl-C while processes solve members.
-_CHECK = 0.1
+_ENSEMBLE_POLL_SECONDS = 0.1
 
 
 @dataclass(frozen=True, eq=False)
@@ -178,7 +178,7 @@ class Ensemble:
         -------
         Ensemble
         """
-        return read_result(path, _SAVED, cls._from_file)
+        return read_result(path, _SAVED_ENSEMBLE, cls._from_file)
 
     @classmethod
     def _from_file(cls, arrays: dict[str, np.ndarray], text: dict[str, Any]) -> Ensemble:
@@ -510,8 +510,12 @@ class _Run:
                 work(1, bar)  # compiles what is needed
                 if threads is None:
                     began = time.perf_counter()
-                    work(_TIMED, bar)
-                    threads = 1 if time.perf_counter() - began < _TIMED * _SHORT else cores()
+                    work(_TIMED_MEMBERS, bar)
+                    threads = (
+                        1
+                        if time.perf_counter() - began < _TIMED_MEMBERS * _MIN_SECONDS_PER_MEMBER
+                        else cores()
+                    )
                 n_others = min(threads, self._members.size) - 1
                 others = [pool.submit(self.worker()) for _ in range(n_others)]
                 try:
@@ -539,7 +543,7 @@ class _Run:
                 parts = [range(m, min(m + n_each, size)) for m in range(1, size, n_each)]
                 waiting = {pool.submit(_solved_part, part) for part in parts}
                 while waiting:
-                    ready, waiting = wait(waiting, _CHECK, FIRST_COMPLETED)
+                    ready, waiting = wait(waiting, _ENSEMBLE_POLL_SECONDS, FIRST_COMPLETED)
                     for future in ready:
                         if not future.cancelled():
                             self._take(*future.result())

@@ -44,9 +44,9 @@ _SCALES = (6.0, 7.2, 8.6, 10.3, 12.4)
 # Poles whose argument exceeds this are left of every hyperbola.
 _TOP = math.pi - 0.03
 # Poles of modulus below this, in units of scale / t, are left of the hyperbola as well.
-_TINY = 0.1
+_SMALL_POLE = 0.1
 # Poles closer than this in log s are refused: their residues lose eps / distance**2.
-_NEAR = 1e-3
+_MIN_POLE_DISTANCE = 1e-3
 # Largest condition of a matrix of eigenvectors.
 _MAX_CONDITION = 1e8
 
@@ -345,7 +345,7 @@ class _Transform:
         for start in range(0, t.size, block):
             z = np.multiply.outer(t[start : start + block], self.poles)
             # distances of the nodes from the poles that are split off, relative to these poles
-            far = [np.where(np.abs(z) > _TINY * s, z, 1e6)[..., None] for s in _SCALES]
+            far = [np.where(np.abs(z) > _SMALL_POLE * s, z, 1e6)[..., None] for s in _SCALES]
             gaps = [np.abs(ZETA * s / p - 1) for s, p in zip(_SCALES, far, strict=True)]
             best = np.argmax([g.min(axis=(1, 2), initial=1.0) for g in gaps], axis=0)
             for k in np.unique(best):
@@ -360,7 +360,7 @@ class _Transform:
         shape = np.exp(scale * ZETA) * WEIGHTS
         ratio = shape / ZETA / self.below.along(x, v, log_scale)
         sums = [(p.along(x, v, log_scale) * ratio).sum(axis=1) for p in self.above]
-        split = np.abs(z) > _TINY * scale
+        split = np.abs(z) > _SMALL_POLE * scale
         cauchy = np.where(split, (1 / (ZETA - z[..., None] / scale)) @ shape, 0)
         smooth = (np.stack(sums, axis=1) @ self.rows - cauchy @ self.residues).real
         with np.errstate(over="ignore", invalid="ignore"):
@@ -386,7 +386,7 @@ def _zeros(f: _Exponentials) -> np.ndarray:
         u = _newton(f, np.add.outer(x, 1j * np.linspace(0, _TOP, 2 * n + 1)).ravel())
         zeros: list[complex] = []
         for z in u[(u.real > low) & (u.real < high) & (np.abs(u.imag) < _TOP)]:
-            if all(abs(z - known) > _NEAR for known in zeros):
+            if all(abs(z - known) > _MIN_POLE_DISTANCE for known in zeros):
                 zeros.append(z)
         if len(zeros) == round(expected):
             return np.array(zeros, dtype=complex)

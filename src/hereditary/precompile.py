@@ -17,7 +17,7 @@ import hereditary as hd
 from .compiled.cache import note_target
 
 # Number of components above `FEW` (compiled/jacobian.py), up to which a step is one dense system.
-_MANY = 12
+_COMPONENTS_ABOVE_FEW = 12
 
 
 def precompile() -> int:
@@ -58,7 +58,7 @@ def _equation(order: Any, y0: Any = 1.0, **given: Any) -> hd.Equation:
 
 def _few_and_many() -> tuple[hd.Equation, hd.Equation, hd.Equation]:
     """Return equations of one component, of many, and of many with a banded Jacobian."""
-    wave = np.ones(_MANY)
+    wave = np.ones(_COMPONENTS_ABOVE_FEW)
     return _equation(0.5), _equation(0.5, wave), _equation(0.5, wave, bandwidth=(0, 0))
 
 
@@ -76,13 +76,15 @@ def _composed() -> tuple[hd.Equation, hd.Equation]:
         jac_memory=by_memory,
         memory=hd.Delay(0.5),
     )
-    diagonal = -np.ones((1, _MANY))
-    return late, _equation(0.5, np.ones(_MANY), bandwidth=(0, 0), jac=lambda t, y: diagonal)
+    diagonal = -np.ones((1, _COMPONENTS_ABOVE_FEW))
+    return late, _equation(
+        0.5, np.ones(_COMPONENTS_ABOVE_FEW), bandwidth=(0, 0), jac=lambda t, y: diagonal
+    )
 
 
 def _by_tolerance() -> list[Callable[[], Any]]:
     """List short runs that call all compiled loops of `rtol=`, and the functions of its march."""
-    wave, orders = np.ones(_MANY), np.linspace(0.5, 0.9, _MANY)
+    wave, orders = np.ones(_COMPONENTS_ABOVE_FEW), np.linspace(0.5, 0.9, _COMPONENTS_ABOVE_FEW)
     one, *many = _few_and_many()
     swinging = hd.Memory(hd.Prony([1.0 - 3.0j, 1.0 + 3.0j], [0.5, 0.5]), 0)
     equations = [
@@ -116,7 +118,7 @@ def _forced(t: float, y: np.ndarray, params: np.ndarray) -> np.ndarray:
 def _on_given_steps() -> list[Callable[[], Any]]:
     """List short runs that call all other compiled loops."""
     (one, dense, band), varying = _few_and_many(), _equation(lambda t: 0.5 + 0.0 * t)
-    linear = _equation(0.5, np.ones(_MANY), linear=-np.eye(_MANY))
+    linear = _equation(0.5, np.ones(_COMPONENTS_ABOVE_FEW), linear=-np.eye(_COMPONENTS_ABOVE_FEW))
     steps, explicit, implicit = {"n_steps": 40}, hd.ExplicitCaputo(), hd.L1()
     runs: list[tuple[hd.Equation, dict[str, Any]]] = [
         *((one, steps | {"scheme": scheme}) for scheme in (explicit, implicit, hd.Adams())),

@@ -60,7 +60,7 @@ def __dir__() -> list[str]:
 
 
 # Arrangement whose parts add g, and the one whose parts add c.
-_ADDED = "parallel", "series"
+_ADDING_ARRANGEMENTS = "parallel", "series"
 
 
 class Model:
@@ -136,7 +136,7 @@ class Model:
         terms = [one._operator(half) for one in summands if isinstance(one, SpringPot)]
         others = tuple(one for one in summands if not isinstance(one, SpringPot))
         if others:
-            both = Combined(_ADDED[half], others)
+            both = Combined(_ADDING_ARRANGEMENTS[half], others)
             limit, rest = both._split(np.ones(1, dtype=complex))[half]
             if limit:
                 terms.append(limit * Caputo(1))
@@ -258,7 +258,7 @@ class Combined(Model):
         return pair if self.arrangement == "parallel" else pair[::-1]
 
     def _summands(self, half: int) -> tuple[Model, ...]:
-        if self.arrangement != _ADDED[half]:
+        if self.arrangement != _ADDING_ARRANGEMENTS[half]:
             return (self,)
         return tuple(one for part in self.parts for one in part._summands(half))
 

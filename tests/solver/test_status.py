@@ -126,7 +126,7 @@ def test_ctrl_c_is_quiet(monkeypatch):
         "hereditary.solver.run.Interruption.__enter__",
         lambda self: setattr(self, "asked", True) or self,
     )
-    monkeypatch.setattr("hereditary.collocation.adaptive_stepper._ROWS", 1)
+    monkeypatch.setattr("hereditary.collocation.adaptive_stepper._MAX_STEPS_PER_MARCH", 1)
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         sol = hd.solve(hd.scenes.relaxation(), 1.0, rtol=1e-6)

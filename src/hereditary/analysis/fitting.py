@@ -36,10 +36,10 @@ from .sensitivity import obstacle, sensitivities
 
 # Relative change of parameters in difference quotients. Runs to a tolerance of 1e-8 leave errors of
 # 1e-4 in the quotients.
-_CHANGE = 1e-4
+_PARAMETER_CHANGE = 1e-4
 # A residual that is not a number counts as ten times the largest one, or as this multiple of the
 # largest datum.
-_FAR = 1e2
+_RESIDUAL_IF_NOT_FINITE = 1e2
 # Fewest parameters for which tangents are solved instead of differences: one run with tangents
 # takes about twice the time of a plain run.
 _ENOUGH = 2
@@ -48,7 +48,7 @@ _OF_TANGENTS = {"rtol", "atol", "scheme", "history", "breaks", "max_step", "esti
 # The losses of SciPy's least_squares.
 _LOSSES = "linear", "soft_l1", "huber", "cauchy", "arctan"
 # Fewest points of the curve of a fitted model: about the pixels of a figure's width.
-_FINE = 1000
+_MIN_POINTS_OF_FIT_CURVE = 1000
 
 
 class Series(NamedTuple):
@@ -357,7 +357,7 @@ class _Runs:
         self.bar, self._model, self._options = bar, model, options
         self._series, self._observe, self.count = series, observe, 0
         largest = [float(np.nanmax(np.abs(one.data))) for one in series]
-        self._far = [_FAR * (size or 1.0) for size in largest]
+        self._far = [_RESIDUAL_IF_NOT_FINITE * (size or 1.0) for size in largest]
         self.unit = (max(largest) or 1.0) if series[0].sigma is None else 1.0
 
     def equations(self, p: np.ndarray) -> list[Equation]:
@@ -509,7 +509,7 @@ class _Runs:
 
 def _moved(x: np.ndarray, low: np.ndarray, high: np.ndarray) -> np.ndarray:
     """Return sets of parameters, (m, m): set k has parameter k changed a little, inside bounds."""
-    by = _CHANGE * np.where(x == 0.0, 1.0, x)
+    by = _PARAMETER_CHANGE * np.where(x == 0.0, 1.0, x)
     above, below = high - x, x - low
     outside = (x + by > high) | (x + by < low)
     by = np.where(outside, -by, by)
@@ -551,7 +551,9 @@ def _differ_in_data_alone(one: System, other: System) -> bool:
 
 def _between(t: np.ndarray) -> np.ndarray:
     """Return the times of data, and many equidistant times from each to the next."""
-    return np.union1d(t, np.interp(np.linspace(0, t.size - 1, _FINE), np.arange(t.size), t))
+    return np.union1d(
+        t, np.interp(np.linspace(0, t.size - 1, _MIN_POINTS_OF_FIT_CURVE), np.arange(t.size), t)
+    )
 
 
 def _bounds(

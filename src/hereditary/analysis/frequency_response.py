@@ -17,7 +17,7 @@ from .response_curve import Curve, Peak
 # Fewest frequencies at which a response exceeds 1 / sqrt(2) of its peak, for a width of the peak.
 _LEAST_ABOVE = 8
 # Most values of the parameter at which the period of the force is checked.
-_LOOKS = 16
+_MAX_PERIOD_CHECKS = 16
 
 
 @dataclass(frozen=True, eq=False)
@@ -190,7 +190,9 @@ def frequency_response(
     followed = frequency if along is None else int(along)
     wanted = _followed(omegas, followed == frequency)
     balance = Balance(equation, frequency, followed, count("harmonics", harmonics))
-    balance.check_period(wanted[np.unique(np.linspace(0, wanted.size - 1, _LOOKS).astype(int))])
+    balance.check_period(
+        wanted[np.unique(np.linspace(0, wanted.size - 1, _MAX_PERIOD_CHECKS).astype(int))]
+    )
     if balance.hold_means(float(wanted[0])):
         warn(
             "a mean of y is free, because neither terms nor rhs depend on it: 0 is taken",

@@ -12,7 +12,7 @@ from ..stepping.status import Status
 from ..support.html import paragraph, table_html
 
 # A slope counts as different from zero beyond this many standard errors.
-_ERRORS = 3.0
+_STANDARD_ERRORS = 3.0
 # Growth or decay that a power of t up to this one would explain as well is not called exponential.
 _POWER = 2.0
 
@@ -105,9 +105,9 @@ def _verdict(slope: float, stderr: float, power: float, memory: str) -> Verdict:
     """Return the verdict on a logarithm with given slopes in t and in log t."""
     if not (np.isfinite(slope) and np.isfinite(stderr)):
         return Verdict.UNDETERMINED
-    if slope > _ERRORS * stderr:
+    if slope > _STANDARD_ERRORS * stderr:
         return Verdict.EXPONENTIAL_GROWTH if power > _POWER else Verdict.UNDETERMINED
-    if slope < -_ERRORS * stderr:
+    if slope < -_STANDARD_ERRORS * stderr:
         if memory == "none":
             return Verdict.EXPONENTIAL_DECAY
         algebraic = memory == "all" or power > -_POWER

@@ -14,11 +14,11 @@ from ..equation.equation import Equation
 from ..support.checks import refuse, shown
 
 # Samples of a period per harmonic.
-_SAMPLES = 8
+_SAMPLES_PER_HARMONIC = 8
 # Fewest samples of a period, whatever the number of harmonics.
-_FEWEST = 129
+_MIN_SAMPLES_PER_PERIOD = 129
 # Relative change of a frequency in differences.
-_CHANGE = 1e-7
+_FREQUENCY_CHANGE = 1e-7
 # A derivative by the mean counts as 0 below this fraction of the largest derivative: differences
 # have errors of 1e-10.
 _FREE = 1e-7
@@ -65,7 +65,10 @@ class Balance:
         self._frequency, self._along = frequency, along
         self._params, self._h, self.d = self._system.params.copy(), harmonics, equation.d
         self._right = self._system.compiled_with(self._params)
-        self.size, self._n = self.d * (2 * harmonics + 1), max(_SAMPLES * harmonics + 1, _FEWEST)
+        self.size, self._n = (
+            self.d * (2 * harmonics + 1),
+            max(_SAMPLES_PER_HARMONIC * harmonics + 1, _MIN_SAMPLES_PER_PERIOD),
+        )
         angles = 2 * np.pi * np.outer(np.arange(self._n), np.arange(1, harmonics + 1)) / self._n
         columns = np.stack([np.cos(angles), np.sin(angles)], axis=2).reshape(self._n, -1)
         self._basis = np.hstack([np.ones((self._n, 1)), columns])
@@ -174,5 +177,5 @@ class Balance:
         self, x: np.ndarray, value: float, unit: float, residual: np.ndarray
     ) -> np.ndarray:
         """Return the derivative of a known residual by the parameter along the curve, (size,)."""
-        step = _CHANGE * max(abs(value), unit)
+        step = _FREQUENCY_CHANGE * max(abs(value), unit)
         return (self.residual(x, value + step, False)[0] - residual) / step

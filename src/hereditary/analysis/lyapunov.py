@@ -66,12 +66,12 @@ _MOST_BLOCKS = 10_000
 # Default number of equally spaced times at which a run to a tolerance may renormalise tangents.
 _MARKS = 1 << 16
 # `max_steps` of a run to a tolerance: in practice no limit.
-_ANY = 10**9
+_UNLIMITED_STEPS = 10**9
 # Renormalisations of a run whose intervals follow the growth. More of them cost time, and half of
 # them are in the late window.
 _RECORDS = 128
 # First interval between renormalisations where intervals follow the growth [steps].
-_FIRST = 32
+_FIRST_INTERVAL = 32
 # Largest difference of the logarithms of growth in one interval. Beyond it, the smaller tangent has
 # fewer than six digits.
 _WIDE = 22.0
@@ -80,7 +80,7 @@ _LOST = (
     "or in mode 'pair' take a larger separation"
 )
 # Least separation with which neighbouring orbits meet a jump in different steps.
-_APART = 1e-3
+_MIN_SEPARATION_AT_JUMPS = 1e-3
 # Number of states of the orbit between which jumps of the right-hand side are looked for. Ten times
 # as many find more rare jumps and cost 30 ms.
 _STATES = 33
@@ -89,8 +89,10 @@ _STATES = 33
 _SMALLEST = 1e-3
 # Halvings of a line between two states, after which a continuous f has no change left. With a tenth
 # of them steep functions count as jumps; ten times as many change nothing.
-_HALVINGS = 50
-_JUMPS = "the right-hand side jumps between states of the orbit, and tangents do not see jumps"
+_HALVINGS_BETWEEN_STATES = 50
+_TANGENTS_MISS_JUMPS = (
+    "the right-hand side jumps between states of the orbit, and tangents do not see jumps"
+)
 # Status of runs that reached their end.
 _AT_END = Status.COMPLETED, Status.STEP_TOO_LARGE, Status.KERNEL_INACCURATE, Status.ZIGZAG
 # Largest tolerance that the second run multiplies by ten; looser runs are repeated at a tenth.
@@ -285,7 +287,7 @@ def lyapunov(
     if result.status not in _AT_END or verify is False:
         return result
     unknown = set(result.verdicts) == {Verdict.UNDETERMINED}
-    if unknown and (verify is None or _JUMPS in result.message):
+    if unknown and (verify is None or _TANGENTS_MISS_JUMPS in result.message):
         return result
     other, how = _another(equation, scheme, result, bool(verify), np.size(breaks) > 0)
     try:
@@ -361,7 +363,9 @@ def _run(equation: Equation, stepping: _Stepping, options: LyapunovOptions) -> L
     system, most = marched(equation.system, scheme), n_data(equation.system)
     if history is None and not chooses_steps(scheme):
         history = SumOfExponentials()
-    given = {"max_steps": _ANY} if chooses_steps(scheme) else {"n_steps": stepping.n_steps}
+    given = (
+        {"max_steps": _UNLIMITED_STEPS} if chooses_steps(scheme) else {"n_steps": stepping.n_steps}
+    )
     steps = how_to_step(
         system, scheme, t_end, history=history, rtol=stepping.rtol, atol=stepping.atol, **given
     )
@@ -388,7 +392,7 @@ def _run(equation: Equation, stepping: _Stepping, options: LyapunovOptions) -> L
     schedule = record(SCHEDULE, transient=transient, end=n, longest=max(1, n // _RECORDS))
     schedule["unit"] = unit
     schedule["automatic"] = interval is None
-    schedule["interval"] = interval or min(_FIRST, schedule["longest"])
+    schedule["interval"] = interval or min(_FIRST_INTERVAL, schedule["longest"])
     states: list[_Moment] = []
     ended, grown = _grow(stepper, schedule, h, flow, states, options.progress)
     settings = {
@@ -399,7 +403,7 @@ def _run(equation: Equation, stepping: _Stepping, options: LyapunovOptions) -> L
     settings |= {"rtol": steps.rtol, "atol": steps.atol} if chooses_steps(scheme) else {}
     seconds = time.perf_counter() - began
     found = _found(stepper, equation, flow, ended, grown, settings, options.n_blocks, seconds)
-    if found.status in _AT_END and (mode == "tangent" or separation < _APART):
+    if found.status in _AT_END and (mode == "tangent" or separation < _MIN_SEPARATION_AT_JUMPS):
         found = _without_jumps(found, stepper.system, states)
     pass_on(ended and ended.error, found)
     return found
@@ -460,8 +464,8 @@ def _without_jumps(result: LyapunovResult, system: System, states: list[_Moment]
     """
     if system.read.any() or system.delays or not _jumps(system, states):
         return result
-    clause = f"{_JUMPS}: smooth it, for example sign(x) as tanh(x / eps), and let eps decrease, "
-    clause += "or take mode='pair' with a separation of 1e-3 to 1e-2"
+    clause = f"{_TANGENTS_MISS_JUMPS}: smooth it, for example sign(x) as tanh(x / eps), and let "
+    clause += "eps decrease, or take mode='pair' with a separation of 1e-3 to 1e-2"
     warn(clause, RuntimeWarning)
     unknown = (Verdict.UNDETERMINED,) * len(result.verdicts)
     result = replace(result, verdicts=unknown, verdict=unknown[0], verified=False)
@@ -487,7 +491,7 @@ def _keeps(system: System, first: tuple, last: tuple, least: float) -> bool:
     (t, a, f_a), (_, b, _) = first, last
     f_b = system.force(t, b)  # at the same time
     change = _distance(f_a, f_b)
-    for _ in range(_HALVINGS):
+    for _ in range(_HALVINGS_BETWEEN_STATES):
         if not change > least:
             return False
         middle = (a + b) / 2

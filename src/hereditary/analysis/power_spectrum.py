@@ -12,13 +12,13 @@ from ..support.checks import count, positive, real, real_array, refuse
 from .sections import check_component, check_unbroken, values_at
 
 # Most samples of a solution.
-_MOST = 2**18
+_MAX_SPECTRUM_SAMPLES = 2**18
 # Fewest values of a series.
-_FEWEST = 16
+_MIN_SPECTRUM_SAMPLES = 16
 # Least ratio of the power of a peak to that of the frequencies next to it.
 _PROMINENT = 4.0
 # Least ratio of the power of a peak to that of the highest peak.
-_LEAST = 1e-8
+_MIN_PEAK_POWER = 1e-8
 
 
 @dataclass(frozen=True, eq=False)
@@ -127,15 +127,24 @@ def _sampled(
     if not series.coarse and gaps[:-1].size and np.ptp(gaps[:-1]) > 0.01 * gaps.max():
         required = "have dense output, or rows at equal times"
         refuse("series", required, f"gaps {gaps.min():g} to {gaps.max():g}")
-    n = int(min(_MOST, 2 ** np.ceil(np.log2(4 * inside.sum() if series.coarse else inside.sum()))))
+    n = int(
+        min(
+            _MAX_SPECTRUM_SAMPLES,
+            2 ** np.ceil(np.log2(4 * inside.sum() if series.coarse else inside.sum())),
+        )
+    )
     times = np.linspace(begin, series.t[-1], n)
     return values_at(series, times)[:, component], (series.t[-1] - begin) / (n - 1)
 
 
 def _long(values: np.ndarray) -> np.ndarray:
     """Return values, refusing too few of them."""
-    if values.size < _FEWEST:
-        refuse("series", f"leave {_FEWEST} values at least behind the transient", values.size)
+    if values.size < _MIN_SPECTRUM_SAMPLES:
+        refuse(
+            "series",
+            f"leave {_MIN_SPECTRUM_SAMPLES} values at least behind the transient",
+            values.size,
+        )
     return values
 
 
@@ -149,7 +158,7 @@ def _peaks(omega: np.ndarray, amplitudes: np.ndarray, most: int) -> np.ndarray:
 
     logs = np.log(np.maximum(amplitudes, 1e-300))
     tops, _ = find_peaks(logs, prominence=np.log(_PROMINENT))
-    tops = tops[amplitudes[tops] > _LEAST * amplitudes.max()]
+    tops = tops[amplitudes[tops] > _MIN_PEAK_POWER * amplitudes.max()]
     tops = tops[np.argsort(-amplitudes[tops])][:most]
     before, here, after = (amplitudes[tops + k] for k in (-1, 0, 1))
     ratio = np.maximum(before, after) / here

@@ -11,32 +11,32 @@ import numpy as np
 from .harmonic_balance import Balance
 
 # Most Newton iterations at the first value of the parameter.
-_ITERATIONS = 30
+_FIRST_POINT_MAXITER = 30
 # Relative change of the response that ends Newton's method.
-_TOLERANCE = 1e-12
+_RESPONSE_RTOL = 1e-12
 # Relative change that also ends Newton's method if the last iteration did not reduce it to a
 # quarter, because of rounding.
-_STALLED = 1e-7
+_STALLED_RESPONSE_RTOL = 1e-7
 # Shortest step along the curve, relative to the units of responses and of the parameter.
-_SHORTEST = 1e-7
+_MIN_CURVE_STEP = 1e-7
 # Longest step along the curve, relative to the same units as the shortest.
-_LONGEST = 0.03
+_MAX_CURVE_STEP = 0.03
 # Growth of the step after few Newton iterations.
-_GROW = 1.5
+_CURVE_STEP_FACTOR = 1.5
 # Most iterations that count as few.
 _FEW_ITERATIONS = 5
 # Most Newton iterations for one point of the curve.
-_TRIES = 10
+_POINT_MAXITER = 10
 # Most points of a curve.
 _MOST_POINTS = 20_000
 # Cosine of the largest angle between two consecutive steps along the curve.
 _STRAIGHT = 0.9
 # Least unit of a response, relative to the largest response so far.
-_LEAST = 1e-6
+_MIN_RESPONSE_UNIT = 1e-6
 # Largest unit of a frequency along the curve, relative to that frequency.
 _FREQUENCIES = 10.0
 # Points of each step at which the curve is compared with its spline.
-_LOOKS = 8
+_SPLINE_CHECKS_PER_STEP = 8
 # Largest difference of a response from the spline through the points, relative to the response.
 _AWAY = 0.1
 
@@ -72,7 +72,7 @@ class Curve:
 
     def follow(self) -> str:
         """Follow the curve to the last value; return why that failed, or ""."""
-        first, _ = self._solved(self._wanted[0] * self._value, self._value, _ITERATIONS)
+        first, _ = self._solved(self._wanted[0] * self._value, self._value, _FIRST_POINT_MAXITER)
         if first is None:
             remedy = "begin elsewhere, or give jac and write y in units of its size"
             return f"no response was found at the first value, {self._wanted[0]:g}: {remedy}"
@@ -85,14 +85,14 @@ class Curve:
 
     def _onwards(self, places: list[np.ndarray]) -> str:
         """Append points until the last value is passed; return why that failed, or ""."""
-        (place,), step, largest, wanted = places, _LONGEST, 0.0, self._wanted
+        (place,), step, largest, wanted = places, _MAX_CURVE_STEP, 0.0, self._wanted
         tangent: np.ndarray = self._sign * self._value
         for _ in range(_MOST_POINTS):
             # next to a narrow peak steps are short: their unit is the response at this point
             size = float(np.linalg.norm(place[:-1]))
             largest = max(largest, size)
             unit = min(self._range, _FREQUENCIES * place[-1] if self._positive else np.inf)
-            self._weights[:-1] = max(size, _LEAST * largest) ** -2.0 if largest else 1.0
+            self._weights[:-1] = max(size, _MIN_RESPONSE_UNIT * largest) ** -2.0 if largest else 1.0
             self._weights[-1] = unit**-2.0
             if len(places) == 1:
                 first = self._tangent(place, tangent)
@@ -100,20 +100,20 @@ class Curve:
                     return f"the curve has no direction at the first value, {place[-1]:g}"
                 tangent = first
             tangent = tangent / np.sqrt(tangent @ (self._weights * tangent))
-            ahead, n = self._solved(place + step * tangent, self._weights * tangent, _TRIES)
+            ahead, n = self._solved(place + step * tangent, self._weights * tangent, _POINT_MAXITER)
             turned = None if ahead is None else self._tangent(ahead, tangent)
             if ahead is None or turned is None or turned @ (self._weights * tangent) < _STRAIGHT:
                 step *= 0.5
-                if step < _SHORTEST:
+                if step < _MIN_CURVE_STEP:
                     return f"the curve could not be followed beyond {place[-1]:g}"
                 continue
             place, tangent = ahead, turned
             places.append(place)
             if (place[-1] - wanted[-1]) * self._sign > 0:
                 return ""
-            if (place[-1] - wanted[0]) * self._sign < -_LONGEST * self._range:
+            if (place[-1] - wanted[0]) * self._sign < -_MAX_CURVE_STEP * self._range:
                 return "the curve turns back beyond the first value"
-            step = min(_LONGEST, step * _GROW) if n <= _FEW_ITERATIONS else step
+            step = min(_MAX_CURVE_STEP, step * _CURVE_STEP_FACTOR) if n <= _FEW_ITERATIONS else step
         return f"the curve has more than {_MOST_POINTS} points"
 
     def _change(
@@ -150,7 +150,10 @@ class Curve:
                 break
             place = place - change
             size, norm = (float(np.linalg.norm(v[:-1])) for v in (change, place))
-            if size <= _TOLERANCE * norm or 0.25 * before <= size <= _STALLED * norm:
+            if (
+                size <= _RESPONSE_RTOL * norm
+                or 0.25 * before <= size <= _STALLED_RESPONSE_RTOL * norm
+            ):
                 return place, iteration
             before = size
         return None, most
@@ -168,7 +171,7 @@ class Curve:
                 return np.sum(spline(s)[..., first] * spline(s, 1)[..., first], axis=-1)
 
             for s in _crossings(rise, spline.x, falling=True):
-                place, _ = self._solved(spline(s), spline(s, 1), _TRIES)
+                place, _ = self._solved(spline(s), spline(s, 1), _POINT_MAXITER)
                 if place is not None and self._wanted.min() <= place[-1] <= self._wanted.max():
                     omega = float(self._balance.omegas(place[-1:])[0])
                     height = abs(self._balance.coefficients(place[:-1])[0, c, 1])
@@ -180,7 +183,7 @@ class Curve:
         ]
         for s, value in sorted(values):
             guess = np.append(spline(s)[:-1], value)
-            place, _ = self._solved(guess, self._value, _TRIES)
+            place, _ = self._solved(guess, self._value, _POINT_MAXITER)
             if place is None or np.linalg.norm(place - guess) > _AWAY * np.linalg.norm(guess[:-1]):
                 trouble = f"no response was found at {value:g}, which the curve passes"
             else:
@@ -203,7 +206,7 @@ def _crossings(
     """Return where a function of the length changes its sign, or falls below 0."""
     from scipy.optimize import brentq
 
-    parts = np.arange(_LOOKS * (lengths.size - 1) + 1) / _LOOKS
+    parts = np.arange(_SPLINE_CHECKS_PER_STEP * (lengths.size - 1) + 1) / _SPLINE_CHECKS_PER_STEP
     s = np.interp(parts, np.arange(lengths.size), lengths)
     above = function(s) > 0
     turned = above[:-1] > above[1:] if falling else above[:-1] != above[1:]

@@ -27,7 +27,7 @@ from ..support.warning import silence
 _ORDER_BY_STEPS = 1e-5
 # Relative change of every other number, and of an order in differences of runs by a tolerance. Next
 # to the error of these runs, 1e-12, the error of a central difference is smallest with it.
-_CHANGE = 1e-4
+_MIN_RELATIVE_CHANGE = 1e-4
 # Largest tolerances of the runs, the next one where a run does not complete. Sums of delays leave
 # rounded kinks that rtol 1e-11 resolves in vain for orders below 0.4.
 _TIGHT = 1e-11, 1e-9
@@ -36,7 +36,7 @@ _DEFAULT = 1e-6
 # Errors of runs by a tolerance, as a fraction of it: those of a step.
 _RUN_ERROR = 0.1
 # Largest change of y by a relative change of 1 that needs no smaller change.
-_STEEP = 10.0
+_MAX_SENSITIVITY = 10.0
 # Errors of central differences that the errors of runs leave, as a multiple of the square of the
 # relative change. On the equations of tests/analysis/test_sensitivity.py it is at most 4.
 _OF_CHANGE = 10.0
@@ -92,7 +92,9 @@ class RunDifferences:
     def _ask(self, tolerances: dict[str, Any]) -> None:
         """Let runs have these tolerances in place of the user's."""
         self._arguments = self._given | {"estimate": False} | tolerances
-        self.change = max(_CHANGE, float(np.cbrt(_RUN_ERROR * (self._arguments["rtol"] or 0.0))))
+        self.change = max(
+            _MIN_RELATIVE_CHANGE, float(np.cbrt(_RUN_ERROR * (self._arguments["rtol"] or 0.0)))
+        )
 
     def run(self) -> Solution:
         """Return the run of the equation itself, to the first tolerance with which it completes.
@@ -163,7 +165,7 @@ class RunDifferences:
         for _ in range(_TRIALS):
             above = self._moved_rows(moved, by)
             effect = np.max(np.abs(above - self._rows) / self._sizes, initial=0.0)
-            if effect <= _STEEP * self.change:
+            if effect <= _MAX_SENSITIVITY * self.change:
                 break
             by *= self.change / effect if np.isfinite(effect) else _SHRUNK
         else:

@@ -17,14 +17,14 @@ from ..solver.solution import Solution
 from ..support.checks import count, instance, positive, real, real_array, refuse, shown
 
 # Points of each step at which dense output is evaluated to find maxima.
-_LOOKS = 8
+_POINTS_PER_STEP_FOR_MAXIMA = 8
 # Refinements of a maximum. A parabola over a distance d misses the place by d**2, so that only
 # rounding remains after four.
 _REFINEMENTS = 4
 # Ratio of the distances d of two consecutive refinements.
 _CLOSER = 1 / 16
 # Most samples of a section, because of storage.
-_MOST_SAMPLES = 10_000_000
+_MAX_SECTION_SAMPLES = 10_000_000
 
 
 @dataclass(frozen=True, eq=False)
@@ -91,8 +91,8 @@ def stroboscopic(
     instance("solution", solution, Solution, "hereditary.solve(...)")
     period, begin = positive("period", period), _begin(solution, transient)
     # up to rounding a period may divide the run; then the sample at the end counts
-    if np.ptp(solution.t[[0, -1]]) > _MOST_SAMPLES * period:
-        required = f"give at most {_MOST_SAMPLES} samples"
+    if np.ptp(solution.t[[0, -1]]) > _MAX_SECTION_SAMPLES * period:
+        required = f"give at most {_MAX_SECTION_SAMPLES} samples"
         refuse("period", required, period, "give one of the orbit's own")
     ends = np.array([max(begin, solution.t[0]), solution.t[-1]]) / period
     slack = 1e-12 * np.abs(ends).max()
@@ -156,7 +156,9 @@ def extrema(
     begin = _begin(solution, transient)
     value, t = _function(solution, derivative), solution.t
     if solution.coarse:
-        looks = np.arange((t.size - 1) * _LOOKS + 1) / _LOOKS
+        looks = (
+            np.arange((t.size - 1) * _POINTS_PER_STEP_FOR_MAXIMA + 1) / _POINTS_PER_STEP_FOR_MAXIMA
+        )
         t = np.interp(looks, np.arange(t.size), t)
     t = t[t >= begin]
     top = tops(value(t)[:, component], signs) if t.size else np.zeros(0, dtype=int)
@@ -241,8 +243,8 @@ def _is_index(value: Any, n: int) -> bool:
 
 def _size(wanted: int | None, found: int) -> int:
     size = found if wanted is None else count("count", wanted)
-    if size > _MOST_SAMPLES:
-        refuse("count", f"be at most {_MOST_SAMPLES}", size)
+    if size > _MAX_SECTION_SAMPLES:
+        refuse("count", f"be at most {_MAX_SECTION_SAMPLES}", size)
     return size
 
 

@@ -36,7 +36,7 @@ from .table import COMPLETED, STATUS_LENGTH, Point, Table, table_of
 # any grid.
 _IN_FLIGHT = 1024
 # Seconds between two checks for Ctrl-C.
-_CHECK = 0.1
+_SWEEP_POLL_SECONDS = 0.1
 
 
 @lacking("the function that is swept passes it to solve")
@@ -225,7 +225,7 @@ def _run(
                 if not running:
                     break
                 with contextlib.suppress(queue.Empty):
-                    future = finished.get(timeout=_CHECK)
+                    future = finished.get(timeout=_SWEEP_POLL_SECONDS)
                     results = _results(future, interruption.asked)
                     for index, point in zip(running.pop(future), results, strict=False):
                         if points[index] is None:  # a store may hold a part of the row

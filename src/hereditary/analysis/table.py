@@ -21,7 +21,7 @@ NOT_COMPUTED = "not computed"
 STATUS_LENGTH = 200
 _STATUS = "status"
 # Rows that a notebook shows.
-_SHOWN = 10
+_MAX_ROWS_SHOWN = 10
 # Status of a point, and its values by name.
 Point: TypeAlias = tuple[str, dict[str, Any]]
 
@@ -118,7 +118,7 @@ class Table:
     def _repr_html_(self) -> str:
         plain = [name for name, value in self.values.items() if value.shape == self.shape]
         rows = []
-        for index in itertools.islice(np.ndindex(self.shape), _SHOWN):
+        for index in itertools.islice(np.ndindex(self.shape), _MAX_ROWS_SHOWN):
             places = zip(index, self.axes.values(), strict=True)
             point = [axis[k].item() for k, axis in places]
             values = [self.values[name][index].item() for name in plain]

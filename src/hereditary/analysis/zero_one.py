@@ -12,19 +12,19 @@ from ..support.checks import count, real_array, refuse
 from .sections import extrema, tops
 
 # Fewest values of a series.
-_FEWEST = 200
+_MIN_SERIES_VALUES = 200
 # Longest lag of mean square displacements, as a fraction of the length of the series.
-_SHARE = 0.1
+_MAX_LAG_FRACTION = 0.1
 # Range of the random frequencies. It excludes the resonances at 0 and pi.
-_RANGE = (np.pi / 5, 4 * np.pi / 5)
+_FREQUENCY_RANGE = (np.pi / 5, 4 * np.pi / 5)
 # Maxima that differ by less than this fraction of the component's range are equal.
-_SAME = 1e-3
+_MAXIMA_TOL = 1e-3
 # Values of a series that differ by less than this fraction of the largest are equal.
-_ROUNDING = 1e-10
+_VALUES_RTOL = 1e-10
 # Signs of the extrema that are tested: maxima alone, or minima as well.
 _SIGNS = {"maxima": (1.0,), "extrema": (1.0, -1.0), "values": ()}
 # The series is chaotic if the median K exceeds this, and regular if it is below one minus this.
-_SURE = 0.8
+_MIN_CHAOTIC_K = 0.8
 
 
 @dataclass(frozen=True, eq=False)
@@ -109,17 +109,19 @@ def zero_one_test(
     ('chaotic', True)
     """
     values, least = _tested(series, component, transient, take)
-    if values.ndim != 1 or values.size < _FEWEST:
-        required = f"hold {_FEWEST} values or more"
+    if values.ndim != 1 or values.size < _MIN_SERIES_VALUES:
+        required = f"hold {_MIN_SERIES_VALUES} values or more"
         remedy = "run longer: so many maxima, or values, are needed"
         refuse("series", required, f"shape {values.shape}", remedy)
     spread = float(np.ptp(values))
     values = (values - values[0]) / spread if spread > least else np.zeros(values.size)
     random = np.random.default_rng(seed)
-    frequencies = random.uniform(*_RANGE, count("n_c", n_c))
+    frequencies = random.uniform(*_FREQUENCY_RANGE, count("n_c", n_c))
     rates = np.array([_rate(values, c) for c in frequencies])
     k = float(np.median(rates))
-    verdict = "chaotic" if k > _SURE else "regular" if k < 1 - _SURE else "undetermined"
+    verdict = (
+        "chaotic" if k > _MIN_CHAOTIC_K else "regular" if k < 1 - _MIN_CHAOTIC_K else "undetermined"
+    )
     return ZeroOneResult(k, verdict, rates, frequencies, values.size)
 
 
@@ -135,18 +137,18 @@ def _tested(
     if isinstance(series, Solution):
         _, values = extrema(series, component, 0, transient, _SIGNS[take])
         late = series.t >= (series.t[0] if transient is None else transient)
-        return values, _SAME * np.ptp(series.y[late, component]) if late.any() else 0.0
+        return values, _MAXIMA_TOL * np.ptp(series.y[late, component]) if late.any() else 0.0
     values = real_array("series", series)
     if take == "values" or values.ndim != 1:
-        return values, _ROUNDING * np.abs(values).max(initial=0.0)
-    return values[tops(values, _SIGNS[take])], _SAME * np.ptp(values) if values.size else 0.0
+        return values, _VALUES_RTOL * np.abs(values).max(initial=0.0)
+    return values[tops(values, _SIGNS[take])], _MAXIMA_TOL * np.ptp(values) if values.size else 0.0
 
 
 def _rate(values: np.ndarray, c: float) -> float:
     """Return the growth rate of displacements at frequency c."""
     turns = np.exp(1j * c * np.arange(1, values.size + 1))
     place = np.cumsum(values * turns)
-    n = np.arange(1, int(_SHARE * values.size) + 1)
+    n = np.arange(1, int(_MAX_LAG_FRACTION * values.size) + 1)
     steps = values.size - n[-1]
     displaced = np.array([np.mean(np.abs(place[k : k + steps] - place[:steps]) ** 2) for k in n])
     displaced -= np.mean(values) ** 2 * (1 - np.cos(n * c)) / (1 - np.cos(c))

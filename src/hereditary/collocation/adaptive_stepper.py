@@ -84,11 +84,11 @@ _REACH = 10.0
 # Largest ratio of the farthest to the closest distance of the modes.
 _LARGEST_RATIO = 1e305
 # Largest number of steps in one call of the compiled march.
-_ROWS = 256
+_MAX_STEPS_PER_MARCH = 256
 # Closest distance of fits that are made before the run begins, as a fraction of the run.
-_CLOSE = 1e-6
+_MIN_FIRST_FIT_DISTANCE = 1e-6
 # Most steps of one call of the compiled march if an event may cut it short.
-_FEW_ROWS = 8
+_MAX_STEPS_BEFORE_EVENTS = 8
 
 
 def _rests(values):
@@ -127,7 +127,7 @@ class AdaptiveStepper(ResumableStepper, TangentStepper, JumpingStepper):
         self._view = view = (Reading if is_read(system) else Plain)(system)
         marched = view.system
         refuse_late(system, t_end)
-        self._t_end, self._rows = t_end, _ROWS
+        self._t_end, self._rows = t_end, _MAX_STEPS_PER_MARCH
         self.step_limits = StepLimits(tolerance.longest, tolerance.most)
         atol = 0.0 if tolerance.atol is None else system.frame.doubled(tolerance.atol)
         self.allowed = ErrorPolicy.of(tolerance, marched.spread(atol))
@@ -216,7 +216,7 @@ class AdaptiveStepper(ResumableStepper, TangentStepper, JumpingStepper):
             if self.step_limits.is_stalled(*block):
                 status = CRAWLING
         self._peak = np.maximum(self._peak, np.abs(at_starts).max(axis=0, initial=0.0)[::-1])
-        if self.n_steps > _ROWS:  # over fewer steps errors of modes hardly add up
+        if self.n_steps > _MAX_STEPS_PER_MARCH:  # over fewer steps errors of modes hardly add up
             self._moved += np.abs(np.diff(at_starts[:, 0], axis=0)).sum(axis=0)
         if status not in (REACHED, FULL, TOO_CLOSE):
             lengths, last = (self._control["last"], self._control["next"]), self._orbit.last[0]
@@ -438,7 +438,7 @@ class AdaptiveStepper(ResumableStepper, TangentStepper, JumpingStepper):
 
     def _prefit_kernels(self, t_end):
         """Fit kernels known by their values down to the shortest distance that steps may have."""
-        closest = _CLOSE * t_end
+        closest = _MIN_FIRST_FIT_DISTANCE * t_end
         if self._form.solves_slopes and not self._form.varying:
             first = self._form.graded_first_step(0.0, t_end, self.allowed.of_step.least)
             closest = self._closest(first)
@@ -558,7 +558,7 @@ class AdaptiveStepper(ResumableStepper, TangentStepper, JumpingStepper):
     def _error_estimate(self):
         """Return the largest error of a step, plus the errors that add up without damping."""
         estimate = self.allowed.estimate(self._largest_error)
-        if self.n_steps <= _ROWS:
+        if self.n_steps <= _MAX_STEPS_PER_MARCH:
             return estimate
         moved = np.max(self._moved / np.maximum(self._sizes, LEAST))
         return undamped(estimate, self._orbit.power_laws.error, moved, self.n_steps)
@@ -594,7 +594,7 @@ class AdaptiveStepper(ResumableStepper, TangentStepper, JumpingStepper):
 
     def expect_jumps(self, of_y):
         """Prepare for jumps of f, and of y if `of_y`: make few steps at once, or refuse."""
-        self._rows = _FEW_ROWS
+        self._rows = _MAX_STEPS_BEFORE_EVENTS
         kinds, moving = "a change of y" if of_y else "a switch", "events, changes and switches"
         if self._form.solves_slopes:
             required = "change or switch nothing where a component's highest order varies or is a "

@@ -15,21 +15,21 @@ from ..support.checks import refuse
 from ..support.warning import warn
 
 # Largest number of Newton iterations for consistent values.
-_SWEEPS = 50
+_CONSISTENCY_MAXITER = 50
 # Relative change of the unknowns at which Newton's method for consistent values ends.
-_GOAL = 1e-13
+_CONSISTENCY_RTOL = 1e-13
 # Least singular value of a regular Jacobian whose rows are divided by their largest entries.
 # Difference quotients err by 1e-10.
-_RANK = 1e-9
+_RANK_TOL = 1e-9
 # Ratio of the least singular value of the rows' Jacobian to that at the start, below which the rows
 # become singular. Runs end at 1e-6 where two solutions of the rows meet.
-_SINGULAR = 1e-4
+_MIN_SINGULAR_VALUE_RATIO = 1e-4
 # Distance from y(0) at which a singular Jacobian is evaluated again, as fraction of the largest
 # argument of f.
 _BESIDE = 0.01
 # Ratio of a component's coefficients to the largest of other components, below which they may stand
 # for 0.
-_NEXT_TO_0 = 1e-15
+_NEGLIGIBLE_COEFFICIENT_RATIO = 1e-15
 
 
 def _unknowns(system):
@@ -66,7 +66,7 @@ def _solve(system, t, x, rows, columns):
     `columns` are the indices of the unknowns in x. Returns None if the method does not converge.
     """
     x = x.copy()
-    for _ in range(_SWEEPS):
+    for _ in range(_CONSISTENCY_MAXITER):
         with np.errstate(all="ignore"):
             force = system.force(t, x)[rows]
             matrix = _jacobian(system, t, x, rows)[:, columns]
@@ -74,7 +74,7 @@ def _solve(system, t, x, rows, columns):
             return None
         change = np.linalg.solve(matrix, force)
         x[columns] -= change
-        if np.all(np.abs(change) <= _GOAL * np.abs(x[columns])):
+        if np.all(np.abs(change) <= _CONSISTENCY_RTOL * np.abs(x[columns])):
             return x
     return None
 
@@ -82,7 +82,9 @@ def _solve(system, t, x, rows, columns):
 def _regular(matrix):
     """Return whether a matrix is regular; the units of its rows do not matter."""
     sizes = np.abs(matrix).max(axis=1, keepdims=True)
-    return bool(np.all(sizes > 0)) and np.linalg.matrix_rank(matrix / sizes, _RANK) == len(matrix)
+    return bool(np.all(sizes > 0)) and np.linalg.matrix_rank(matrix / sizes, _RANK_TOL) == len(
+        matrix
+    )
 
 
 def check_start(system, rtol, atol):
@@ -107,7 +109,9 @@ def check_start(system, rtol, atol):
     own = rows[rows == columns]
     if found is not None:
         largest = np.abs(y[:d]).max()
-        allowed = rtol * np.maximum(np.abs(y), np.abs(found))[own] + _GOAL * largest + LEAST
+        allowed = (
+            rtol * np.maximum(np.abs(y), np.abs(found))[own] + _CONSISTENCY_RTOL * largest + LEAST
+        )
         allowed += 0.0 if atol is None else system.spread(system.frame.doubled(atol))[own]
         wrong = own[np.abs(found[own] - y[own]) > allowed]
         if wrong.size == 0:
@@ -128,7 +132,7 @@ def _name_tiny(system, rtol):
     """Warn of a row with coefficients next to 0 that the initial values do not satisfy."""
     d, x, t = system.n_solved, system.at_start, system.beside(0.0, 1)
     largest = np.max([np.abs(coefficients[:d]) for _, coefficients in system.left], axis=0)
-    tiny = np.flatnonzero((largest > 0) & (largest < _NEXT_TO_0 * largest.max()))
+    tiny = np.flatnonzero((largest > 0) & (largest < _NEGLIGIBLE_COEFFICIENT_RATIO * largest.max()))
     if tiny.size == 0:
         return
     force, noise = _residual(system, t, x, tiny, rtol)
@@ -186,7 +190,7 @@ def became_singular(system, t, x):
             return False
         matrix /= np.abs(matrix).max(axis=1, keepdims=True) + LEAST
         least.append(np.linalg.svd(matrix[:, columns], compute_uv=False)[-1])
-    return bool(least[1] < _SINGULAR * least[0])
+    return bool(least[1] < _MIN_SINGULAR_VALUE_RATIO * least[0])
 
 
 def settle_tangents(system, values):

@@ -20,26 +20,26 @@ from .structures import LENGTH
 
 # Largest number of Newton iterations. The distance from the edge grows from 1e-200 by a power in
 # each of them: for a slope like y^-0.7, fifteen iterations are needed.
-_SWEEPS = 60
+_EDGE_NEWTON_MAXITER = 60
 # Least ratio of the distance from the edge to the one before an iteration.
-_LEAST_RATIO = 1e-3
+_MIN_DISTANCE_RATIO = 1e-3
 # Relative change of the distance from the edge at which the iterations end. They converge
 # quadratically, so its square remains.
-_GOAL = 1e-5
+_EDGE_NEWTON_RTOL = 1e-5
 # Increment of difference quotients, as fraction of the distance from the edge.
-_STEP = 1e-6
+_EDGE_INCREMENT = 1e-6
 # Least increment of difference quotients, as fraction of y.
-_LEAST_STEP = 1e-10
+_MIN_EDGE_INCREMENT = 1e-10
 # Rounding error of y, as fraction of y.
-_ROUNDING = 2e-16
+_ROUNDING_OF_EDGE = 2e-16
 # Change of f, and of y, that the iterations may leave, as fraction of its largest value times rtol.
-_SHARE = 1e-2
+_EDGE_TOL_FRACTION = 1e-2
 # Increments at which slopes are compared, as fractions of the units of components.
 _INCREMENTS = 1e-5, 1e-9
 # Ratio of the slopes at these increments from which a slope is infinite: it is 2.5 for y^0.9.
-_STEEPER = 2.0
+_INFINITE_SLOPE_RATIO = 2.0
 # Ratio of the changes of f over these increments from which f jumps: it is 0.4 for y^0.1.
-_STEEPEST = 0.5
+_JUMP_CHANGE_RATIO = 0.5
 
 
 def begins_at_edge(system, t, y, units, jacobian):
@@ -60,7 +60,9 @@ def begins_at_edge(system, t, y, units, jacobian):
             with np.errstate(all="ignore"):
                 sides = np.abs([system.force(t, y + sign * moved) - f for sign in (1, -1)])
             rows.append(np.where(np.isfinite(sides), sides, 0.0).max(axis=0))
-        infinite = (_STEEPER * near / far * rows[0] < rows[1]) & (rows[1] < _STEEPEST * rows[0])
+        infinite = (_INFINITE_SLOPE_RATIO * near / far * rows[0] < rows[1]) & (
+            rows[1] < _JUMP_CHANGE_RATIO * rows[0]
+        )
         if np.any(infinite & (force < rows[0])):
             return True
     return False
@@ -80,7 +82,7 @@ def solve_at_edge(m, h):
         for i in range(s):
             p[c, i] = m.orbit.p[0, c]
     positions(m, h, p, x_start, x)
-    for _ in range(_SWEEPS):
+    for _ in range(_EDGE_NEWTON_MAXITER):
         m.state.counts.rhs += s
         reflect(x_start, x)
         set_primary(m, h, x, p)
@@ -117,7 +119,7 @@ def slopes_at_node(m, i, x, f, out):
         point[c] = x[c, i]
     for e in range(point.shape[0]):
         moved = x[e, i] - x_start[e]
-        width = max(_STEP * abs(moved), max(_LEAST_STEP * abs(x[e, i]), LEAST))
+        width = max(_EDGE_INCREMENT * abs(moved), max(_MIN_EDGE_INCREMENT * abs(x[e, i]), LEAST))
         width = -width if moved < 0.0 else width
         for _ in range(2):
             point[e] = x[e, i] + width
@@ -169,13 +171,13 @@ def take_limited_change(m, h, p, x, f):
                     moved += h * integral[i, j] * change[c * s + j]
             before = x[c, i] - x_start[c]
             after = before - moved
-            if before != 0.0 and after / before < _LEAST_RATIO:
-                after = _LEAST_RATIO * before
+            if before != 0.0 and after / before < _MIN_DISTANCE_RATIO:
+                after = _MIN_DISTANCE_RATIO * before
             x[c, i] = x_start[c] + after
             moved = abs(before - after)
-            rounding = _ROUNDING * (abs(x_start[c]) + h * m.rule.nodes[i] * speed)
-            if moved > max(_GOAL * abs(after), rounding + LEAST):
-                small = small and moved <= _SHARE * m.limits.rtol * largest
+            rounding = _ROUNDING_OF_EDGE * (abs(x_start[c]) + h * m.rule.nodes[i] * speed)
+            if moved > max(_EDGE_NEWTON_RTOL * abs(after), rounding + LEAST):
+                small = small and moved <= _EDGE_TOL_FRACTION * m.limits.rtol * largest
                 small = small and is_small(m, c, i, moved, f)
     return small
 
@@ -188,7 +190,7 @@ def is_small(m, c, i, moved, f):
         largest = 0.0
         for j in range(f.shape[1]):
             largest = max(largest, abs(f[e, j]))
-        small = small and abs(slopes[e, c]) * moved <= _SHARE * m.limits.rtol * largest
+        small = small and abs(slopes[e, c]) * moved <= _EDGE_TOL_FRACTION * m.limits.rtol * largest
     return small
 
 

@@ -21,7 +21,7 @@ _JUMP = 0.1
 # If no first step succeeds, f is evaluated at these fractions of the predicted motion.
 _SHARES = 10.0 ** np.arange(-1, -16, -2)
 _CORNERS = "name times of jumps and corners of the right-hand side, as a table has, in breaks"
-_JUMPS = (
+_RHS_JUMPS = (
     "the right-hand side jumps, or stops being finite, wherever the solution goes on (it may slide "
     "or chatter there); name known times in breaks, functions that change their sign in switches"
 )
@@ -29,14 +29,14 @@ _CRAWLS = (
     "steps stay short wherever the solution goes on: it may slide or chatter where the right-hand "
     "side jumps, or rounding hides what the tolerance asks for"
 )
-_ROUNDS = (
+_STEPS_END_IN_ROUNDING = (
     "rounding hides what the tolerance asks for, or the solution is too steep; loosen rtol, and if "
     "the right-hand side jumps here name the time in breaks, or the function in switches"
 )
 
 _BLOWN_UP = Ending(Status.BLOWN_UP)
 UNSOLVED = Ending(Status.NOT_SOLVED)
-TOO_STEEP = Ending(Status.STEP_TOO_SMALL, _ROUNDS)
+TOO_STEEP = Ending(Status.STEP_TOO_SMALL, _STEPS_END_IN_ROUNDING)
 OUTSIDE = Ending(Status.STEP_TOO_SMALL, NOT_FINITE)
 SINGULAR_ROWS = Ending(
     Status.STEP_TOO_SMALL,
@@ -66,7 +66,9 @@ def ending(status, system, t, h, refused, last, peak):
     if status == NEWTON_FAILED and not jumps:
         return UNSOLVED
     return (
-        Ending(Status.STEP_TOO_SMALL, _JUMPS) if status in (JUMPING, NEWTON_FAILED) else TOO_STEEP
+        Ending(Status.STEP_TOO_SMALL, _RHS_JUMPS)
+        if status in (JUMPING, NEWTON_FAILED)
+        else TOO_STEEP
     )
 
 
@@ -86,7 +88,7 @@ def of_near_orders(gap):
         f"an order is {gap:.1g} from another one or from an integer, so that the solution bends "
         "within 1e-300 of this time: make these orders equal"
     )
-    return TOO_STEEP._replace(detail=f"{_ROUNDS}; {why}")
+    return TOO_STEEP._replace(detail=f"{_STEPS_END_IN_ROUNDING}; {why}")
 
 
 def after_steps(n_steps):

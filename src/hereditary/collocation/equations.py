@@ -32,10 +32,10 @@ from .structures import ALGEBRAIC, TERM
 
 # Smallest order of integration. For smaller orders a, the powers h**a of two step lengths h are
 # equal in double precision.
-_LEAST = 5e-10
+_MIN_ORDER = 5e-10
 # Distance below which two exponents of t count as one: two generators, or a generator and a sum of
 # other generators.
-_APART = 1e-9
+_EQUAL_EXPONENTS_TOL = 1e-9
 # Largest number of generators in a sum that may equal another generator.
 _MOST_IN_SUM = 4
 
@@ -275,8 +275,8 @@ def _form_of(system):
         else:
             rows += _integral_rows(system, c, highest[c], second[c], leading[c])
     orders = sorted({row.order for row in rows if row.order is not None} | {1.0})
-    if orders[0] < _LEAST:
-        required = f"keep {_LEAST:g} above integers, and from each other, with Collocation"
+    if orders[0] < _MIN_ORDER:
+        required = f"keep {_MIN_ORDER:g} above integers, and from each other, with Collocation"
         remedy = "take the integer, or equal orders, instead"
         refuse("order", required, sorted({operator.order for operator, _ in system.left}), remedy)
     others = [row.operator for row in rows if row.operator is not None]
@@ -400,7 +400,9 @@ def _generators(increments):
     for g in sorted({*increments, 1.0}):
         sums = {0.0}
         for _ in range(_MOST_IN_SUM):
-            sums |= {e + other for e in sums for other in kept if e + other < g + _APART}
-        if min(abs(g - e) for e in sums) > _APART:
+            sums |= {
+                e + other for e in sums for other in kept if e + other < g + _EQUAL_EXPONENTS_TOL
+            }
+        if min(abs(g - e) for e in sums) > _EQUAL_EXPONENTS_TOL:
             kept.append(float(g))
     return tuple(kept)

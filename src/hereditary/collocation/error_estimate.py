@@ -27,35 +27,35 @@ _TANGENT = 1e-9
 # errors of 1e-10 of f / p, which may exceed the tolerance of a small derivative.
 _OF_QUOTIENT = 0.1
 # Rounding error of p, as a fraction of p(0).
-_ROUNDING = 1e-14
+_ROUNDING_OF_P = 1e-14
 # Largest decay from one Legendre coefficient to the next that is assumed if rounding hides both.
-_HIDDEN = 0.03
+_MAX_HIDDEN_DECAY = 0.03
 # Fraction of the defect of f between the nodes that enters the error, for an f that jumps. For a
 # smooth f the last Legendre coefficients estimate the error, because the integrals are more
 # accurate than f.
 _DEFECT_WEIGHT = 0.3
 # Rounding error of f as fraction of |J| |y|, where J is the Jacobian. It includes the growth of the
 # error by interpolation.
-_NOISE = 2e-14
+_ROUNDING_OF_F = 2e-14
 # Change of p by the defect of f, in units of Newton's goal, above which the equations are evaluated
 # again at the nodes.
 _CHECK_BEYOND = 100.0
 # Change of p that Newton's method requires after this second evaluation of the equations, in units
 # of Newton's goal. Above it the step is rejected.
-_UNSOLVED = 10.0
+_MAX_RESIDUAL_CHANGE = 10.0
 # Index of the first check point of a step that does not enter the step's error.
 FIRST_LOOK = 2
 # Largest number of check points in a run that do not enter the error of their step.
-_LOOKS = 256
+_MAX_FREE_CHECKS = 256
 # Ratio of the defect of f at a check point that does not enter the error to the defect at the check
 # points that do. Only above it the steps may have missed a force.
-_UNLIKE = 30.0
+_MIN_DEFECT_RATIO_IF_MISSED = 30.0
 # Change of p over the step by such a defect, in units of Newton's goal. Only above it the steps may
 # have missed a force. One tolerance is 1,000 of these units.
-_MOVED = 1000.0
+_MIN_CHANGE_IF_MISSED = 1000.0
 # Distance of the step's polynomial from y at the start, in tolerances, above which f at the start
 # enters the defect. Stiff systems miss the start by rounding.
-_MISSED = 10.0
+_MAX_START_MISMATCH = 10.0
 # Largest error of a step, in tolerances of y at its start. In a first step y may grow by decades.
 # Without this limit, orders 0.0158 and 1 - 1e-8 err by 1.8 tolerances at early times.
 _AT_START = 5.0
@@ -80,7 +80,7 @@ def estimate_error(m, h, local, values, p0, errors):
     d, s, n_a = errors.shape[0], values.shape[2], orders.shape[0]
     defect, nodal_errors = room.residual, room.change
     for c in range(d):
-        last, decay = legendre_tail(legendre, values[PRIMARY, c], _ROUNDING * abs(p0[c]))
+        last, decay = legendre_tail(legendre, values[PRIMARY, c], _ROUNDING_OF_P * abs(p0[c]))
         errors[c] = abs(last) * decay * decay
     for integrand in range(values.shape[0]):
         clear(defect)
@@ -90,13 +90,13 @@ def estimate_error(m, h, local, values, p0, errors):
                 continue
             rounding = 0.0
             if q == PRIMARY:
-                rounding = _ROUNDING * abs(p0[c % d])
+                rounding = _ROUNDING_OF_P * abs(p0[c % d])
             elif q == FORCE:
-                rounding = _ROUNDING * start_scales[c % d]
+                rounding = _ROUNDING_OF_P * start_scales[c % d]
             elif q == POSITION:
                 rounding = ROUNDING_OF_SUMS * abs(values[q, c % d, -1])
             last, decay = legendre_tail(legendre, values[q, c % d], rounding)
-            if q == FORCE and abs(last) <= _NOISE * force_scales[c % d]:
+            if q == FORCE and abs(last) <= _ROUNDING_OF_F * force_scales[c % d]:
                 continue
             size = 1.0
             if k >= n_a:
@@ -154,7 +154,7 @@ def measure_force_defect(m, h):
         set_point(m, h, i)
         for c in range(point.shape[0] if i == 0 else 0):
             size = max(abs(x_start[c]), abs(p0[c]))  # p(0) as well, for a singular start
-            allowed = _MISSED * allowed_error(c, size, sizes[c], 0, 1.0, m.limits)
+            allowed = _MAX_START_MISMATCH * allowed_error(c, size, sizes[c], 0, 1.0, m.limits)
             misses_start = misses_start or abs(point[c] - x_start[c]) > allowed
         if i == 0 and m.stages.control[AT_EDGE] == 1.0:
             put(x_start, point)
@@ -186,8 +186,8 @@ def look_once_more(m, h):
     """Return a time of the step at which f differs from its polynomial through the nodes, or 0.
 
     Forces that act for a short time may lie between the nodes of long steps. The run is divided
-    into `_LOOKS` equal intervals. The function evaluates f at one check point in each interval at
-    most, and at s check points in one step at most.
+    into `_MAX_FREE_CHECKS` equal intervals. The function evaluates f at one check point in each
+    interval at most, and at s check points in one step at most.
     """
     room, kinds, sums, check_values = (
         m.room,
@@ -197,7 +197,7 @@ def look_once_more(m, h):
     )
     point, force, at_nodes = room.point, room.force, room.values[0, FORCE]
     defects, force_scales, goal = room.defect, room.force_scales, room.goal
-    spacing = m.limits.t_end / _LOOKS
+    spacing = m.limits.t_end / _MAX_FREE_CHECKS
     before = m.state.control.origin + m.state.control.time
     for i in range(FIRST_LOOK, room.check_times.shape[0]):
         t = room.check_times[i]
@@ -211,9 +211,12 @@ def look_once_more(m, h):
             defect = force[c]
             for j in range(at_nodes.shape[1]):
                 defect -= check_values[i, j] * at_nodes[c, j]
-            alike = max(abs(defects[c]), _NOISE * force_scales[c])
+            alike = max(abs(defects[c]), _ROUNDING_OF_F * force_scales[c])
             moved = abs(defect) * largest_of(sums[kinds[c]], 0, sums.shape[1])
-            if not (abs(defect) <= _UNLIKE * alike or moved <= _MOVED * goal[c]):
+            if not (
+                abs(defect) <= _MIN_DEFECT_RATIO_IF_MISSED * alike
+                or moved <= _MIN_CHANGE_IF_MISSED * goal[c]
+            ):
                 return t
     return 0.0
 
@@ -257,7 +260,7 @@ def defect_matters(m):
     for c in range(force_defect.shape[0]):
         size = largest_of(sums[kinds[c]], 0, sums.shape[1])
         if (
-            abs(force_defect[c]) > _NOISE * force_scales[c]
+            abs(force_defect[c]) > _ROUNDING_OF_F * force_scales[c]
             and abs(force_defect[c]) * size > _CHECK_BEYOND * goal[c]
         ):
             return True
@@ -279,7 +282,7 @@ def equations_hold(m):
     s = p.shape[1]
     for c in range(p.shape[0]):
         for i in range(s):
-            if not abs(change[c * s + i]) <= _UNSOLVED * goal[c]:
+            if not abs(change[c * s + i]) <= _MAX_RESIDUAL_CHANGE * goal[c]:
                 return False
     return True
 
@@ -295,7 +298,7 @@ def add_force_defect(m):
     defect, nodal_errors = m.room.residual, m.room.change
     for c in range(d):
         excess = force_defect[c]
-        if abs(excess) <= _NOISE * force_scales[c]:
+        if abs(excess) <= _ROUNDING_OF_F * force_scales[c]:
             excess = 0.0
         for i in range(s):
             defect[c * s + i] = excess * sums[kinds[c], i]
@@ -336,7 +339,7 @@ def legendre_tail(legendre, values, rounding):
     if abs(last) < decay * abs(before):
         last = decay * before
     hidden = abs(last) <= rounding * decay
-    return last, (min(decay, _HIDDEN) if hidden else decay)
+    return last, (min(decay, _MAX_HIDDEN_DECAY) if hidden else decay)
 
 
 @inner
@@ -392,7 +395,7 @@ def error_ratio(m, h):
         if second[c] == 0 and before[c] > LEAST:
             at_start = _AT_START * allowed_error(c, before[c], before[c], 0, end, limits)
             allowed = min(allowed, max(at_start, _ROUNDING_OF_STEP * size_p))
-        allowed = max(allowed, _ROUNDING * abs(p0[c]), goal[c], LEAST)
+        allowed = max(allowed, _ROUNDING_OF_P * abs(p0[c]), goal[c], LEAST)
         if errors[c] / allowed > worst:
             worst, control.worst = errors[c] / allowed, c
         if not errors[c] < np.inf:

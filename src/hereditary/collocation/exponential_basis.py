@@ -23,10 +23,10 @@ from ..support.checks import complaint
 # Smallest distance of the fit of a general kernel, as fraction of the closest distance that steps
 # evaluate, for a tolerance of 1. At smaller distances the kernel is a point mass, whose error is of
 # second order in the distance. A bounded kernel is fitted only from the distance where it changes.
-_BELOW = 0.1
+_FIT_START_FRACTION = 0.1
 # Least value of that fraction, the smallest distance of a fit over the closest distance of steps,
 # for any tolerance.
-_LEAST_BELOW = 1e-9
+_MIN_FIT_START_FRACTION = 1e-9
 # Rate times smallest distance above which a mode of a general kernel has decayed. Kernels are
 # fitted from a distance this many times smaller. Decayed modes become part of the point mass,
 # because the fit hardly determines their weights.
@@ -40,10 +40,10 @@ _LEAST_TOL = 1e-17
 _RISING = 2.0
 # Times, as fractions of the run's end, and number of times at which a kernel is seen to rise. The
 # integral errs by 1 % for a peak whose width is a tenth of its time.
-_RANGE = 1e-6, 1.0
-_POINTS = 400
+_RISE_CHECK_RANGE = 1e-6, 1.0
+_RISE_CHECK_POINTS = 400
 # Relative rounding error of a sum of exponentials.
-_ROUNDING = 2e-14
+_ROUNDING_OF_MODES = 2e-14
 
 
 @dataclass(frozen=True, eq=False)
@@ -107,7 +107,9 @@ class PowerLawBasis(GridBasis):
     def error(self) -> float:
         """Largest relative error of the sums; 0 if all kernels are constant."""
         exponents = tuple(1 - a for a in self.orders)  # of the kernels t**(a-1)
-        return max(_effective_tol(exponents, self.tol), _ROUNDING) if any(exponents) else 0.0
+        return (
+            max(_effective_tol(exponents, self.tol), _ROUNDING_OF_MODES) if any(exponents) else 0.0
+        )
 
     def _down_to(self, closest):
         return power_law_basis(self.orders, closest, self.farthest, self.tol, self.fraction)
@@ -185,7 +187,9 @@ NO_KERNELS = KernelBasis((), np.zeros(0))
 
 def _first_distance(kernel, closest, tol):
     """Return the smallest distance of the fit of a kernel by exponentials."""
-    below = max(_LEAST_BELOW, _BELOW * tol ** (1 / (2 - kernel.singular_exponent)))
+    below = max(
+        _MIN_FIT_START_FRACTION, _FIT_START_FRACTION * tol ** (1 / (2 - kernel.singular_exponent))
+    )
     return max(below * closest, 1e-300, _constant_until(kernel, closest, tol))
 
 
@@ -204,7 +208,7 @@ def integral_if_rising(kernel, t_end):
     """Return ``int_0^t_end |K|`` of a kernel that rises to more than `_RISING` |K(0)|; else 0."""
     if kernel.singular_exponent > 0:
         return 0.0
-    t = np.geomspace(*_RANGE, _POINTS) * min(t_end, kernel.t_last)
+    t = np.geomspace(*_RISE_CHECK_RANGE, _RISE_CHECK_POINTS) * min(t_end, kernel.t_last)
     values = np.abs(kernel(t))
     return np.trapezoid(values, t) if values.max() > _RISING * values[0] else 0.0
 

@@ -27,14 +27,14 @@ from .structures import ExponentialBasis, Rule, StepTables
 LEFT_OUT = 0.25**26 / 2
 # Exponent from which a power of u is approximated as well as an integer power. Its Legendre
 # coefficients decrease like n**(-2 power - 1).
-_HIGH = 5.3
+_SMOOTH_EXPONENT = 5.3
 # Distance from an integer within which an exponent counts as this integer.
-_APART = 1e-9
+_INTEGER_EXPONENT_TOL = 1e-9
 # Number of nodes of a first step with c = 0.
-_NODES = 24
+_FIRST_STEP_NODES = 24
 # Number of nodes of a first step with c > 0. It is larger because solutions with several decay
 # rates share one c.
-_NODES_IF_BENT = 48
+_BENT_FIRST_STEP_NODES = 48
 # Smallest time lag at which kernels are evaluated.
 NEXT_TO_0 = 1e-300
 
@@ -48,14 +48,16 @@ class Variable(NamedTuple):
     q: float = 1.0
     m: float = 1.0
     c: float = 0.0
-    n: int = _NODES
+    n: int = _FIRST_STEP_NODES
 
     @classmethod
     def of(cls, generators, c=0.0):
         """Return the variable for functions whose exponents of t are sums of the `generators`."""
         ratios = [g / generators[0] for g in generators[1:]]
-        m = next((m for m in range(1, 6) if all(_is_smooth(m * r) for r in ratios)), _HIGH)
-        return cls(m / generators[0], m, c, _NODES_IF_BENT if c else _NODES)
+        m = next(
+            (m for m in range(1, 6) if all(_is_smooth(m * r) for r in ratios)), _SMOOTH_EXPONENT
+        )
+        return cls(m / generators[0], m, c, _BENT_FIRST_STEP_NODES if c else _FIRST_STEP_NODES)
 
     def logs(self, u):
         """Return log(t) at u."""
@@ -78,7 +80,7 @@ class Variable(NamedTuple):
 
 def _is_smooth(exponent):
     """Return whether polynomials approximate u to this power well."""
-    return exponent >= _HIGH or abs(exponent - round(exponent)) < _APART
+    return exponent >= _SMOOTH_EXPONENT or abs(exponent - round(exponent)) < _INTEGER_EXPONENT_TOL
 
 
 def functions(variable, logs):
@@ -212,7 +214,7 @@ def rule_of_modes(n, fastest):
     shorter than they decay. The results are a key of the rule, and what `graded_rule` returns.
     """
     # the last panel is not longer than two decay times of the fastest rate
-    key = n <= _NODES, min(max(math.ceil(math.log(max(fastest, 1.0), 4)), 3), 26)
+    key = n <= _FIRST_STEP_NODES, min(max(math.ceil(math.log(max(fastest, 1.0), 4)), 3), 26)
     return key, *_rule_of_modes(*key)
 
 

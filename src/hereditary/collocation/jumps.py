@@ -11,11 +11,11 @@ import numpy as np
 from .operators import ITSELF, PRIMARY, SLOPE
 
 # Time lag at which a bounded kernel K is evaluated in place of K(0).
-_NEXT_TO_0 = 1e-300
+_LAG_NEXT_TO_0 = 1e-300
 # Largest number of Newton iterations for a jump of p.
-_SWEEPS = 100
+_JUMP_NEWTON_MAXITER = 100
 # Relative change of p at which Newton's method for a jump ends.
-_GOAL = 1e-14
+_JUMP_NEWTON_RTOL = 1e-14
 
 
 def jump(system, form, orbit, t, counts):
@@ -31,7 +31,7 @@ def jump(system, form, orbit, t, counts):
     p, x, is_y = orbit.p.copy(), orbit.x.copy(), form.second == 0
     before = _forces(system, system.beside(t, -1), x, counts)[0] if t > 0 else coefficients_of_p * p
     stiffness = np.where(free, stiffness + coefficients_of_p, 1.0)
-    for _ in range(_SWEEPS):
+    for _ in range(_JUMP_NEWTON_MAXITER):
         forces, jacobian = _forces(system, system.beside(t, 1), x, counts)
         left = np.where(free, forces - before - stiffness * (p - orbit.p), 0.0)
         matrix = np.diag(stiffness) - np.where(is_y, jacobian, 0.0) * np.outer(free, free)
@@ -40,7 +40,7 @@ def jump(system, form, orbit, t, counts):
         change = np.linalg.solve(matrix, left.T).T
         p += change
         x += np.where(is_y, change, 0.0)
-        if np.all(np.abs(change) <= _GOAL * (np.abs(p) + np.abs(orbit.p))):
+        if np.all(np.abs(change) <= _JUMP_NEWTON_RTOL * (np.abs(p) + np.abs(orbit.p))):
             orbit.jump_to(p, x)
             return True
     return False
@@ -69,7 +69,7 @@ def _stiffness(form):
         bounded = n_a <= k < n_a + len(form.kernels)
         bounded = bounded and form.kernels[k - n_a].singular_exponent == 0
         total[c % d] += (
-            coefficient * float(form.kernels[k - n_a](_NEXT_TO_0)) if bounded else np.inf
+            coefficient * float(form.kernels[k - n_a](_LAG_NEXT_TO_0)) if bounded else np.inf
         )
     return total
 

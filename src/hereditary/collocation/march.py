@@ -205,14 +205,14 @@ def extrapolate(m, h):
 # - JUMPING: the right-hand side jumps. CRAWLING: steps stay short without progress.
 REACHED, FULL, TOO_CLOSE, TOO_ROUGH, NEWTON_FAILED, ORDERS_NEEDED, JUMPING, CRAWLING = range(8)
 # Largest ratio of the next step's length to the present one.
-_GROW = 3.0
+_MAX_FACTOR = 3.0
 # Smallest ratio of the next step's length to the present one.
-_SHRINK = 0.2
+_MIN_FACTOR = 0.2
 # Length of the next step, relative to that at which the error would be the tolerance.
 _SAFETY = 0.8
 # Ratio of step lengths from which a longer step is always worth a new factorisation, for many
 # components with a dense Jacobian.
-_WORTH = 2.0
+_MIN_WORTHWHILE_FACTOR = 2.0
 
 
 @inner
@@ -243,8 +243,9 @@ def take_steps(march):
             stages.control[LENGTH] = 0.0
         assembled_for = h
         ratio, solved, by_defect = attempt(march, t, h, slot)
-        # an error that allows more growth than _GROW does not show what a longer step would miss
-        idle = ratio < (_SAFETY / _GROW) ** (s + lowest)
+        # an error that allows more growth than _MAX_FACTOR does not show what a longer step would
+        # miss
+        idle = ratio < (_SAFETY / _MAX_FACTOR) ** (s + lowest)
         longest = floor_to_grid(limits.longest_idle if idle else limits.longest)
         planned = next_length(h, control.next, ratio, was_refused, s + lowest)
         planned = worth_new_factors(h, planned, ratio, stages)
@@ -320,10 +321,11 @@ def _functions(has_tangents, varies, has_kernels):
 def worth_new_factors(h, planned, ratio, stages):
     """Return the length of the next step: the planned one, or h again if that saves factors.
 
-    A planned length less than `_WORTH` times h is postponed for `stages.hold` steps at most.
+    A planned length less than `_MIN_WORTHWHILE_FACTOR` times h is postponed for `stages.hold` steps
+    at most.
     """
     held = stages.control[HELD]
-    if stages.hold > held and ratio <= 1.0 and h < planned < _WORTH * h:
+    if stages.hold > held and ratio <= 1.0 and h < planned < _MIN_WORTHWHILE_FACTOR * h:
         stages.control[HELD] = held + 1.0
         return h
     stages.control[HELD] = 0.0
@@ -376,7 +378,7 @@ def next_length(h, planned, ratio, was_refused, order):
     if not ratio < np.inf:
         return 0.25 * h
     factor = _SAFETY * max(ratio, 1e-12) ** (-1.0 / order)
-    return floor_to_grid(h * max(_SHRINK, min(1.0 if was_refused else _GROW, factor)))
+    return floor_to_grid(h * max(_MIN_FACTOR, min(1.0 if was_refused else _MAX_FACTOR, factor)))
 
 
 @inner

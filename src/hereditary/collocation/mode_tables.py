@@ -24,18 +24,18 @@ from .structures import ModeWeights, StepTables
 _PER_OCTAVE = 8
 # A step length in [2**k, 2**(k + 1)) is a multiple of 2**k over this number, so sums of lengths are
 # exact. Rounding errors of equal steps would accumulate to a drift of time.
-_DIGITS = 2.0**12
-# Number of slots of a table; step lengths whose ratio is a power of 2**(SLOTS / _PER_OCTAVE) share
-# a slot.
-SLOTS = 64
+_LENGTHS_PER_BINADE = 2.0**12
+# Number of slots of a table; step lengths whose ratio is a power of 2**(N_TABLE_LENGTHS /
+# _PER_OCTAVE) share a slot.
+N_TABLE_LENGTHS = 64
 # Largest number of tables that remain in storage for later runs. Each table has the factors of up
 # to 64 step lengths, a few hundred kB.
 _TABLES_MAX = 8
 # Argument z from which exp(-z) is replaced by 0.
-_UNDERFLOW = 700.0
+_EXP_UNDERFLOW = 700.0
 # Argument x below which, up to rounding, the scaled Bessel functions of orders 0, 1 and higher are
 # 1 - x, x / 3 and 0.
-_SMALL = 1e-8
+_SMALL_BESSEL_ARGUMENT = 1e-8
 # First value of the downward recurrence of the scaled Bessel functions. The recurrence is accurate
 # for arguments from 1e-8 on.
 _SEED = 1e-200 + 0j
@@ -57,8 +57,13 @@ def empty_weights(form, modes, offsets, s):
 
 def empty_tables(n_modes, s, n_kernels):
     """Return `StepTables` without the factors of any length, for s nodes and n_kernels kernels."""
-    slots = (SLOTS, n_modes, s), (SLOTS, n_modes), (SLOTS, s, n_modes), (SLOTS, n_kernels, s, s)
-    return checked(StepTables(np.zeros(SLOTS), *(np.empty(shape) for shape in slots)))
+    slots = (
+        (N_TABLE_LENGTHS, n_modes, s),
+        (N_TABLE_LENGTHS, n_modes),
+        (N_TABLE_LENGTHS, s, n_modes),
+        (N_TABLE_LENGTHS, n_kernels, s, s),
+    )
+    return checked(StepTables(np.zeros(N_TABLE_LENGTHS), *(np.empty(shape) for shape in slots)))
 
 
 @inner
@@ -66,7 +71,9 @@ def floor_to_grid(h):
     """Return the largest step length on the grid that does not exceed h, up to rounding."""
     power = math.floor(_PER_OCTAVE * math.log2(h)) / _PER_OCTAVE
     octave = math.floor(power)
-    return math.ceil(2.0 ** (power - octave) * _DIGITS) / _DIGITS * 2.0**octave
+    return (
+        math.ceil(2.0 ** (power - octave) * _LENGTHS_PER_BINADE) / _LENGTHS_PER_BINADE * 2.0**octave
+    )
 
 
 @inner
@@ -128,7 +135,7 @@ def fill_nothing(m, h, slot):
 @inner
 def decay(z):
     """Return exp(-z), or 0 if exp(-z) would underflow; an underflow takes ten times as long."""
-    return math.exp(-z) if z < _UNDERFLOW else 0.0
+    return math.exp(-z) if z < _EXP_UNDERFLOW else 0.0
 
 
 @inner
@@ -320,7 +327,7 @@ def turning_legendre(z, n, out):
             out[k + 1] = out[k - 1] - (2 * k + 1) / x * out[k]
         return
     out[:] = 0.0
-    if abs(x) < _SMALL:
+    if abs(x) < _SMALL_BESSEL_ARGUMENT:
         out[0], out[1] = 1.0 - x, x / 3.0
         return
     above, value, total = 0j, _SEED, 0j

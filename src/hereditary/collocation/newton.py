@@ -24,33 +24,33 @@ from .stages import stage_matrix, substitute_scaled
 from .structures import ALGEBRAIC, KEPT, LENGTH, REDUCED
 
 # Largest number of Newton iterations; a step that needs more is rejected.
-_SWEEPS = 12
+_STAGE_NEWTON_MAXITER = 12
 # Contraction rate of Newton's method above which a Jacobian of an earlier step is evaluated again.
-_SLOW = 0.05
+_MAX_CONTRACTION_RATE = 0.05
 # Contraction rate above which Newton's method fails after iteration _EARLY.
-_HOPELESS = 0.9
+_MAX_FAILING_RATE = 0.9
 # Last iteration, counted from 0, in which any contraction rate is accepted.
 _EARLY = 5
 # Estimated error after a Newton change, over the change and the contraction rate.
 _PER_RATE = 4.0
 # Newton iteration, counted from 0, from which each node has its own Jacobian if components are few.
-_EACH = 5
+_FIRST_NODAL_ITERATION = 5
 # Number of times that a Newton change of p is halved at nodes where f is not finite after it. Then
 # p returns to its value before the change there. The step from p at the start of the step to the
 # first guess counts as a change.
-_HALVED = 4
+_MAX_HALVINGS_AT_NODES = 4
 # Largest number of iterations for a tangent of many components; a step that needs more is rejected.
-_TANGENT_SWEEPS = 30
+_TANGENT_NEWTON_MAXITER = 30
 # Relative change of a tangent that ends the iterations for it.
-_TANGENT_GOAL = 1e-11
+_TANGENT_NEWTON_RTOL = 1e-11
 # Least relative change of p at which Newton's method converges, for components without a size.
-_ROUNDING = 1e-14
+_MIN_NEWTON_RTOL = 1e-14
 # Least absolute change of p at which Newton's method converges; a component whose goal is below
 # this has no size yet.
-_LEAST = 1e-202
+_MIN_NEWTON_ATOL = 1e-202
 # Change of p at which Newton's method converges, as fraction of the largest |p| of all components,
 # for components without a size.
-_OF_LARGEST = 1e-10
+_MIN_NEWTON_TOL_OF_LARGEST = 1e-10
 
 
 @inner
@@ -152,18 +152,18 @@ def solve_stages(m, h):
     previous, fresh = np.inf, False
     jacobians = stages.jacobians[:1]
     positions(m, h, p, x_start, x)
-    for sweep in range(_SWEEPS):
+    for sweep in range(_STAGE_NEWTON_MAXITER):
         counts.rhs += s
         halved = 0
         while not forces(m, x, f):
-            if halved > _HALVED:
+            if halved > _MAX_HALVINGS_AT_NODES:
                 control[KEPT] = 0.0
                 return False
-            take_back_at_nodes(f, 0.5 if halved < _HALVED else 1.0, change, p)
+            take_back_at_nodes(f, 0.5 if halved < _MAX_HALVINGS_AT_NODES else 1.0, change, p)
             positions(m, h, p, x_start, x)
             counts.rhs += s
             halved += 1
-        if few and (sweep == 0 or sweep == _EACH):
+        if few and (sweep == 0 or sweep == _FIRST_NODAL_ITERATION):
             control[KEPT] = 0.0
             jacobians = stages.jacobians[: 1 if sweep == 0 else s]
         if control[KEPT] == 0.0:
@@ -225,9 +225,9 @@ def verdict(size, previous, rate, sweep, fresh):
     """
     if size * min(1.0, _PER_RATE * rate) < 1.0:
         return ACCEPT
-    if previous == np.inf or rate <= _SLOW:
+    if previous == np.inf or rate <= _MAX_CONTRACTION_RATE:
         return ITERATE
-    if rate > _HOPELESS and sweep > _EARLY:
+    if rate > _MAX_FAILING_RATE and sweep > _EARLY:
         return FAIL
     return ITERATE if fresh else REFRESH
 
@@ -313,8 +313,12 @@ def take_change(change, goal, p):
     for c in range(p.shape[0]):
         allowed = goal[c]
         for i in range(p.shape[1]):
-            if goal[c] <= _LEAST:  # a component that begins at 0 has no size yet
-                allowed = max(_ROUNDING * abs(p[c, i]), _OF_LARGEST * largest, _LEAST)
+            if goal[c] <= _MIN_NEWTON_ATOL:  # a component that begins at 0 has no size yet
+                allowed = max(
+                    _MIN_NEWTON_RTOL * abs(p[c, i]),
+                    _MIN_NEWTON_TOL_OF_LARGEST * largest,
+                    _MIN_NEWTON_ATOL,
+                )
             size = max(size, abs(change[c * p.shape[1] + i]) / allowed)
     return size
 
@@ -392,7 +396,7 @@ def solve_tangent_stages(m, h):
         if column <= m.right.by_params:
             set_derivatives_by(column - 1, m)
         done = False
-        for _ in range(_TANGENT_SWEEPS):
+        for _ in range(_TANGENT_NEWTON_MAXITER):
             positions(m, h, p, x_start[column], x)
             put_matrix(room.forced, f)
             correct_forces(jacobians, none, x, f, room.moved)
@@ -406,7 +410,7 @@ def solve_tangent_stages(m, h):
                     p[c, i] -= change[c * s + i]
                     moved = max(moved, abs(change[c * s + i]))
                     size = max(size, abs(p[c, i]))
-            done = few or moved <= _TANGENT_GOAL * size
+            done = few or moved <= _TANGENT_NEWTON_RTOL * size
             if not moved < np.inf:
                 return False
         if not done:

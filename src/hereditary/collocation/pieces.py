@@ -15,14 +15,14 @@ from .first_rule import Variable, means_at_nodes
 from .quadrature import legendre_values, through_start, to_legendre
 
 # Smallest time at which slopes of the first step are evaluated, as fraction of the step.
-_NEXT_TO_0 = 1e-200
+_MIN_SLOPE_TIME = 1e-200
 # Slopes at 0 are extrapolated from slopes at these times, as fractions of the step.
 _TOWARDS_0 = (1e-4, 1e-2)
 # A slope is infinite at 0 if it grows by more than this factor between these two times.
-_GROWS = 1.02
+_INFINITE_SLOPE_GROWTH = 1.02
 # Rounding error of a slope, as a fraction of the values over the step. Slopes below it do not count
 # as growing.
-_ROUNDED = 1e-10
+_ROUNDING_OF_SLOPE = 1e-10
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,12 +67,12 @@ class FirstPiece(Piece):
             row = self.row @ means_at_nodes(self.variable).T
             means = self._first_value(row) + self._change(row, values)
             return np.where(second, self.y + self.length * t[:, None] * means, p)
-        slopes = self._slopes(np.maximum(t, _NEXT_TO_0))
+        slopes = self._slopes(np.maximum(t, _MIN_SLOPE_TIME))
         if (t == 0.0).any():
             (near, far), (before, after) = _TOWARDS_0, self._slopes(np.array(_TOWARDS_0))
             line = before - near / (far - near) * (after - before)
-            rounded = _ROUNDED * np.abs(self.row).max(axis=1) / self.length
-            steep = np.abs(before) > _GROWS * np.abs(after) + rounded
+            rounded = _ROUNDING_OF_SLOPE * np.abs(self.row).max(axis=1) / self.length
+            steep = np.abs(before) > _INFINITE_SLOPE_GROWTH * np.abs(after) + rounded
             slopes[t == 0.0] = np.where(steep, np.copysign(np.inf, before), line)
         speeds = self._first_value(self.row) + self._change(self.row, values)
         speeds[t == 0.0] = self.p

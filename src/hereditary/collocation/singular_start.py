@@ -17,17 +17,17 @@ from .operators import FORCE, PRIMARY
 from .stage_solver import has_stages
 
 # Ratio of the next trial length to the length of a rejected trial step.
-_SHORTER = 0.25
+_TRIAL_LENGTH_RATIO = 0.25
 # Generator below which time to this power is not small for any possible step. A variable u that is
 # bent by a rate c is tried then.
-_TINY = 0.12
+_MAX_BENT_GENERATOR = 0.12
 # Rate c from which a variable u is bent.
 _LEAST_BENT = 0.5
 # Number of trial lengths in a variable u that is bent by a rate c, before all trials with c = 0.
 _BENT_TRIALS = 12
 # Ratio of successive trial lengths in a variable u that is bent by a term of the equation. These
 # trials end at the shortest possible step: orders 1.00001 and 1 need one of 1e-59.
-_MUCH_SHORTER = 0.25**4
+_BENT_TRIAL_LENGTH_RATIO = 0.25**4
 # Exponent below which a power of time hardly changes between 1e-300 and 1.
 VANISHING = 1e-3
 # Longest first step after a break, in lengths of the step before the break. An earlier singularity
@@ -35,7 +35,7 @@ VANISHING = 1e-3
 _OF_LAST = 100.0
 # Size of a component that is 0, as fraction of the largest component, in the rate of change of many
 # components.
-_OF_LARGEST = 0.01
+_SIZE_IF_ZERO = 0.01
 # Largest number of components for which first steps from an edge are tried. All of their stages are
 # one dense system.
 _MOST_AT_EDGE = 16
@@ -75,8 +75,8 @@ def trials(system, form, orbit, t, left, longest, least, jacobian, units):
     smallest = form.generators[0]
     most = min(left / 16, longest, _OF_LAST * (orbit.last_length or np.inf))
     yield from _trials_at_edge(system, form, most, just_after, orbit.x[0], units, jacobian)
-    rates = _decay_rates(jacobian) if smallest < _TINY else np.zeros(0)
-    for h in most * _SHORTER ** np.arange(_BENT_TRIALS if rates.size else 0):
+    rates = _decay_rates(jacobian) if smallest < _MAX_BENT_GENERATOR else np.zeros(0)
+    for h in most * _TRIAL_LENGTH_RATIO ** np.arange(_BENT_TRIALS if rates.size else 0):
         c = math.sqrt(rates[0] * rates[-1]) * h**smallest
         if c >= _LEAST_BENT:
             yield Trial(h, _bent(form.generators, c))
@@ -87,11 +87,11 @@ def trials(system, form, orbit, t, left, longest, least, jacobian, units):
         h = first
         while t + h > t and h > least:
             yield Trial(h, variable)
-            h *= _SHORTER
+            h *= _TRIAL_LENGTH_RATIO
         h = most
         while of_terms * h ** generators[0] >= _LEAST_BENT and t + h > t and h > least:
             yield Trial(h, _bent(generators, of_terms * h ** generators[0]))
-            h *= _MUCH_SHORTER
+            h *= _BENT_TRIAL_LENGTH_RATIO
 
 
 @lru_cache(maxsize=64)
@@ -115,7 +115,7 @@ def _trials_at_edge(system, form, most, *at):
     unknown = Variable(_EDGE_POWER, n=_NODES_AT_EDGE)
     for k in range(_EDGE_TRIALS):
         for variable in dict.fromkeys((by_generators, unknown)):
-            yield Trial(most * _SHORTER**k, variable, True)
+            yield Trial(most * _TRIAL_LENGTH_RATIO**k, variable, True)
 
 
 def _decay_rates(jacobian):
@@ -141,7 +141,11 @@ def _rate_of_terms(form, exponent):
     terms = form.terms[powers & (form.terms["integrand"] == PRIMARY)]
     terms = terms[np.isclose(form.orders[terms["index"]], exponent, rtol=1e-9, atol=0.0)]
     rates = np.abs(terms["coefficient"])
-    return math.sqrt(rates.min() * rates.max()) if rates.size and exponent < _TINY else 0.0
+    return (
+        math.sqrt(rates.min() * rates.max())
+        if rates.size and exponent < _MAX_BENT_GENERATOR
+        else 0.0
+    )
 
 
 def _order(form):
@@ -166,7 +170,7 @@ def _rate(system, form, orbit, jacobian, just_after):
     size, sizes = float(abs(jacobian).max()), np.abs(orbit.x[0])
     if not np.isfinite(size):
         return size
-    scale, rates = sizes + _OF_LARGEST * (sizes.max() or 1.0), [0.0]
+    scale, rates = sizes + _SIZE_IF_ZERO * (sizes.max() or 1.0), [0.0]
     force = system.force(just_after, orbit.x[0])
     with np.errstate(over="ignore", invalid="ignore"):
         for v in (force, np.where(form.second, orbit.p[0], 0.0)):

@@ -16,7 +16,7 @@ _STALLED_BLOCKS = 4
 _STILL = 1e-2
 # If more than this fraction of the accepted steps is rejected, a block is slow when `max_steps`
 # does not suffice to the end.
-_REFUSED = 0.125
+_MAX_REJECTED_RATIO = 0.125
 # Number of steps to the end of the run. A block is slow if, at its speed, the run needs more.
 _MOST_STEPS = 1e7
 
@@ -92,6 +92,6 @@ class StepLimits:
         )
         allowed = min(self.last_step - n_steps, _MOST_STEPS)
         needed = left * accepted / advance
-        slow = needed > (allowed if refused > _REFUSED * accepted else _MOST_STEPS)
+        slow = needed > (allowed if refused > _MAX_REJECTED_RATIO * accepted else _MOST_STEPS)
         self._slow = [*self._slow, advance][-_STALLED_BLOCKS:] if slow and still.all() else []
         return len(self._slow) == _STALLED_BLOCKS and self._slow[-1] <= 2 * self._slow[0]

@@ -24,25 +24,25 @@ _MODES_FRACTION = 1e-4
 # size of y by which y moves (convergence/undamped.py).
 _OF_MODES = 5.0
 # Relative error that rounding adds in each step of an undamped solution.
-_OF_ROUNDING = 1e-15
+_ROUNDING_PER_STEP = 1e-15
 # Tolerance relative to the size of a component, as fraction of rtol, if no atol is given.
 OF_SIZE = 0.01
 # First steps use the variable u with t = u**q. From this q on errors are estimated too small,
 # because u**q changes only near the end. The tolerance of the step is then multiplied by this
 # number over q.
-_RESOLVED = 10.0
+_MAX_RESOLVED_Q = 10.0
 # Least factor by which the tolerance of a first step is multiplied.
-_UNRESOLVED = 5e-3
+_MIN_FIRST_TOL_FACTOR = 5e-3
 # Least rtol of a first step because of rounding (measured for orders 1 + 1e-9 to 1.003, and y' at
 # rtol 1e-4 to 1e-10).
-_ROUNDING = 5e-14
+_MIN_RTOL_OF_FIRST_STEPS = 5e-14
 # Error of p that Newton's method may leave (its goal), as fraction of the error that a step may
 # make.
-_NEWTON = 0.01
+_NEWTON_TOL_FRACTION = 0.01
 # Least goal of Newton's method for a small component, as fraction of the largest component of its
 # quantity. A small component may be the difference of equal ones, rounding of this size. With a
 # tenth, runs at rtol 1e-8 take up to three times the steps if such a difference drives others.
-_OF_OTHERS = 3e-15
+_MIN_NEWTON_TOL_OF_QUANTITY = 3e-15
 # Rounding error of integrals of y over a step, as a fraction of y, where p is y'.
 ROUNDING_OF_SUMS = 1e-15
 # Change of y over the run that the allowed error of y' may cause, in units of the tolerance of y
@@ -124,8 +124,10 @@ class ErrorPolicy(NamedTuple):
 
     def of_first_step(self, q):
         """Return the allowed errors of a first step in the variable u, where t = u**q."""
-        rounding = _ROUNDING / self.of_step.rtol
-        return self.of_step.times(min(1.0, max(_RESOLVED / q, _UNRESOLVED, rounding)))
+        rounding = _MIN_RTOL_OF_FIRST_STEPS / self.of_step.rtol
+        return self.of_step.times(
+            min(1.0, max(_MAX_RESOLVED_Q / q, _MIN_FIRST_TOL_FACTOR, rounding))
+        )
 
     def estimate(self, largest):
         """Return the estimated relative error of a damped run, from the largest one of a step.
@@ -141,7 +143,7 @@ def undamped(estimate, of_fit, moved, n_steps):
     `estimate` is that of a damped run, `of_fit` the error of the fit of the modes. By `moved` y
     moves, in sizes of y.
     """
-    return float(estimate + _OF_MODES * of_fit * moved + _OF_ROUNDING * n_steps)
+    return float(estimate + _OF_MODES * of_fit * moved + _ROUNDING_PER_STEP * n_steps)
 
 
 @inner
@@ -212,12 +214,14 @@ def set_newton_goal(m, h):
     goal, d = room.goal, room.goal.shape[0]
     for c in range(d):
         size = max(state.largest[c], abs(orbit.p[0, c]))
-        goal[c] = _NEWTON * allowed_error(c, size, room.sizes[c], second[c], 1.0, limits)
+        goal[c] = _NEWTON_TOL_FRACTION * allowed_error(
+            c, size, room.sizes[c], second[c], 1.0, limits
+        )
         room.hidden[c] = size if second[c] == 1 else room.sizes[c]
     raise_small(equations.quantities, 1.0, room.hidden)
     for c in range(d if limits.by_size > 0.0 else 0):
         if state.sizes[c] < room.sizes[c]:
-            goal[c] = max(goal[c], _OF_OTHERS * room.hidden[c])
+            goal[c] = max(goal[c], _MIN_NEWTON_TOL_OF_QUANTITY * room.hidden[c])
     for n in range(terms.shape[0]):
         c, k = terms[n].row, terms[n].index
         if terms[n].integrand == POSITION and 0 <= k < orders.shape[0] and c < d:

@@ -52,15 +52,15 @@ BY_DIFFERENCES, A_MATRIX, ENTRIES, IN_TWO_PARTS, JAC_IN_PYTHON, CONSTANT = range
 N_COEFFICIENTS = 10
 
 # Values of a switch this small, relative to y, may be on either side by rounding.
-_NEAR = 1e-9
+_SIDE_ROUNDING = 1e-9
 # Change of y in difference quotients of a switch, relative to y.
-_DIFFERENCE = 1e-7
+_SWITCH_INCREMENT = 1e-7
 # Distance, relative to y, at which a run begins beside the surface of a switch.
-_MARGIN = 1e-12
+_SURFACE_DISTANCE = 1e-12
 # Least distance from the surface of a switch at which a run begins.
-_LEAST = 1e-300
+_MIN_SURFACE_DISTANCE = 1e-300
 # Newton iterations towards the surface of a switch that is not linear in y.
-_ITERATIONS = 4
+_SURFACE_NEWTON_MAXITER = 4
 
 
 class Maps(NamedTuple):
@@ -684,31 +684,31 @@ def _to_one_side(functions, number, t, x):
     largest = 0.0
     for i in range(n):
         largest = max(largest, abs(x[i]))
-    if sign * value[0] > _NEAR * largest or value[0] != value[0]:
+    if sign * value[0] > _SIDE_ROUNDING * largest or value[0] != value[0]:
         return t
-    for _ in range(_ITERATIONS):
+    for _ in range(_SURFACE_NEWTON_MAXITER):
         square, size = 0.0, 0.0
         for i in range(n):
             before = x[i]
-            x[i] += _DIFFERENCE * (largest if largest > 0.0 else 1.0)
+            x[i] += _SWITCH_INCREMENT * (largest if largest > 0.0 else 1.0)
             switch(t + start, x[:n], beside, none)
             slope[i] = (beside[0] - value[0]) / (x[i] - before)
             x[i] = before
             square += slope[i] * slope[i]
             size += abs(slope[i] * before)
-        margin = _MARGIN * size + _LEAST
+        margin = _SURFACE_DISTANCE * size + _MIN_SURFACE_DISTANCE
         if square == 0.0 or sign * value[0] >= margin:
             break
         for i in range(n):
             x[i] += (2.0 * sign * margin - value[0]) * slope[i] / square
         switch(t + start, x[:n], value, none)
     if square == 0.0:  # a switch of the time alone
-        for _ in range(_ITERATIONS):
+        for _ in range(_SURFACE_NEWTON_MAXITER):
             now = t + start
-            step = _DIFFERENCE * (abs(now) if now != 0.0 else 1.0)
+            step = _SWITCH_INCREMENT * (abs(now) if now != 0.0 else 1.0)
             switch(now + step, x[:n], beside, none)
             slope_t = (beside[0] - value[0]) / step
-            margin = _MARGIN * abs(slope_t * now) + _LEAST
+            margin = _SURFACE_DISTANCE * abs(slope_t * now) + _MIN_SURFACE_DISTANCE
             if slope_t == 0.0 or sign * value[0] >= margin:
                 break
             t += (2.0 * sign * margin - value[0]) / slope_t

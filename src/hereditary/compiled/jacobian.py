@@ -26,7 +26,7 @@ from .signatures import JACOBIAN_SIG, RIGHT_SIDE, RightSide
 FEW = 9
 # Step of central differences relative to a component or its unit: the cube root of the rounding
 # unit, where truncation and rounding add up to the least error, about 4e-11 relative.
-_STEP = 6.055454452393343e-06
+_DIFFERENCE_STEP = 6.055454452393343e-06
 # Least unit of a component, and least tolerance: smaller numbers lose digits by underflow. With ten
 # times this value no run changes, not even one from y(0) = 1e-190.
 LEAST = 1e-200
@@ -125,7 +125,7 @@ def dense_jacobian(force, t, y, units, out):
     for j in range(d):  # a loop, because y.copy() takes longer to compile
         shifted[j] = y[j]
     for j in range(d):
-        step = _STEP * max(units[j], abs(y[j]))
+        step = _DIFFERENCE_STEP * max(units[j], abs(y[j]))
         shifted[j] = y[j] + step
         set_force(force, t, shifted, up)
         width = shifted[j]
@@ -157,12 +157,12 @@ def sparse_jacobian(force, t, y, units, out):
         end = first
         while end < out.shape[1] and out[GROUPS, end] == out[GROUPS, first]:
             j = int(out[COLUMNS, end])
-            shifted[j] = y[j] + _STEP * max(units[j], abs(y[j]))
+            shifted[j] = y[j] + _DIFFERENCE_STEP * max(units[j], abs(y[j]))
             end += 1
         set_force(force, t, shifted, up)
         for k in range(first, end):
             j = int(out[COLUMNS, k])
-            shifted[j] = y[j] - _STEP * max(units[j], abs(y[j]))
+            shifted[j] = y[j] - _DIFFERENCE_STEP * max(units[j], abs(y[j]))
         set_force(force, t, shifted, down)
         calls += 2
         if not finite_between(y.shape[0], up, down):
@@ -172,7 +172,7 @@ def sparse_jacobian(force, t, y, units, out):
             calls += 1
         for k in range(first, end):
             i, j = int(out[ROWS, k]), int(out[COLUMNS, k])
-            step = _STEP * max(units[j], abs(y[j]))
+            step = _DIFFERENCE_STEP * max(units[j], abs(y[j]))
             out[VALUES, k] = (up[i] - down[i]) / ((y[j] + step) - (y[j] - step))
         for k in range(first, end):
             j = int(out[COLUMNS, k])
@@ -190,7 +190,7 @@ def add_derivative_by(k, force, t, y, out):
     for i in range(n):
         params[i] = given[i]
     p = params[k]
-    step = _STEP * (abs(p) if p != 0.0 else 1.0)
+    step = _DIFFERENCE_STEP * (abs(p) if p != 0.0 else 1.0)
     params[k] = p + step
     set_force_with(force, t, y, up, params)
     width = params[k]

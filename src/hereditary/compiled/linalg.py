@@ -50,7 +50,7 @@ def put_cube(values, out):
 
 # Number of unknowns from which `substitute` uses `dot`, whose sums the compiler may reorder: below
 # it plain loops take less time.
-_LARGE = 40
+_MIN_UNKNOWNS_FOR_DOT = 40
 # Number of columns that `factorise` eliminates at once; `subtract_rows` is written for this number.
 _PANEL = 4
 # Number of unknowns from which LAPACK factorises in less time than the loops here. For smaller
@@ -228,7 +228,7 @@ def substitute(factors, order, b, x):
     """Solve a x = b with the factors and the row order that `factorise` made of a."""
     # shapes: factors (n, n), order (n,), b (n,), x (n,)
     n = b.shape[0]
-    if n >= _LARGE:
+    if n >= _MIN_UNKNOWNS_FOR_DOT:
         for i in range(n):
             x[i] = b[int(order[i])] - dot(factors[i], x, 0, i)
         for i in range(n - 1, -1, -1):

@@ -19,13 +19,13 @@ from numba import config, types
 
 from ..support.warning import warn
 
-_PLAIN = os.environ.get("HEREDITARY_PLAIN_NUMBA", "0") not in ("", "0")
+_PLAIN_NUMBA = os.environ.get("HEREDITARY_PLAIN_NUMBA", "0") not in ("", "0")
 
 
 def _private(module, name) -> Any:
     """Return the object `name` of a module of numba; `object` if this numba lacks it."""
     try:
-        return object if _PLAIN else getattr(import_module(f"numba.{module}"), name)
+        return object if _PLAIN_NUMBA else getattr(import_module(f"numba.{module}"), name)
     except (ImportError, AttributeError):
         return object
 

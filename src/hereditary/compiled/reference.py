@@ -194,14 +194,14 @@ def _checked_class(cls):
 
 
 # For each type of a record, by its id: the type, which must stay alive, and its `_form`.
-_FORMS: dict[int, tuple[Any, list[Any]]] = {}
+_FORMS_OF_RECORDS: dict[int, tuple[Any, list[Any]]] = {}
 
 
 def _form_of(kind) -> list[Any]:
     """Return the `_form` of a type of records, made once."""
-    if id(kind) not in _FORMS:
-        _FORMS[id(kind)] = kind, _form(kind)
-    return _FORMS[id(kind)][1]
+    if id(kind) not in _FORMS_OF_RECORDS:
+        _FORMS_OF_RECORDS[id(kind)] = kind, _form(kind)
+    return _FORMS_OF_RECORDS[id(kind)][1]
 
 
 def _form(kind) -> list[Any]:

@@ -13,15 +13,15 @@ from .jit import inner
 # loses about as many of its sixteen digits as exp(spread) has.
 _LOW = 3.0
 # Spread above which an automatic interval gets shorter, in proportion to this over the spread.
-_HIGH = 8.0
+_MAX_SPREAD = 8.0
 # Integer fields of a schedule. In marks: the present interval, the longest one, the end of the
 # transient, the end of the run, and the last renormalisation. Others: `automatic` is 1 if the
 # interval follows the growth. `made` counts renormalisations in one call of compiled code.
 # `lasting` is 1 if the march reads data of its first steps later on.
-_NUMBERS = "interval", "longest", "automatic", "transient", "end", "last", "made", "lasting"
+_INTEGER_FIELDS = "interval", "longest", "automatic", "transient", "end", "last", "made", "lasting"
 # Type of a schedule: the integers, and `unit`, the distance of two marks in the stepper's
 # positions.
-SCHEDULE = np.dtype([*((name, "i8") for name in _NUMBERS), ("unit", "f8")])
+SCHEDULE = np.dtype([*((name, "i8") for name in _INTEGER_FIELDS), ("unit", "f8")])
 
 
 @inner
@@ -39,9 +39,9 @@ def note(schedule, n, logs):
     """
     schedule["last"] = n
     spread = max(0.0, np.max(logs)) - min(0.0, np.min(logs))
-    if spread > _HIGH and schedule["automatic"]:
+    if spread > _MAX_SPREAD and schedule["automatic"]:
         # the interval never grows above this value again, because rare contractions come back
-        schedule["interval"] = max(1, int(schedule["interval"] * _HIGH / spread))
+        schedule["interval"] = max(1, int(schedule["interval"] * _MAX_SPREAD / spread))
         schedule["longest"] = schedule["interval"]
     elif spread < _LOW and schedule["automatic"]:
         schedule["interval"] = min(2 * schedule["interval"], schedule["longest"])

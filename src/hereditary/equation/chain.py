@@ -29,7 +29,7 @@ from .terms import ConstantOrder, KernelOperator, Operator, SystemTerm
 
 # Largest condition number of the matrix in front of the highest derivatives; larger ones are
 # refused.
-_SINGULAR = 1e12
+_MAX_CONDITION_NUMBER = 1e12
 
 
 class Entry(NamedTuple):
@@ -75,7 +75,7 @@ def _solved(left: Sequence[SystemTerm], d: int) -> tuple[list[Entry], np.ndarray
         (matrix, operator.constant & (operator.order == highest)) for operator, matrix in left
     ]
     leading = sum(np.where(top, matrix, 0.0) for matrix, top in at_top)
-    if np.linalg.cond(leading) > _SINGULAR:
+    if np.linalg.cond(leading) > _MAX_CONDITION_NUMBER:
         required = "have an invertible matrix in front of the highest derivatives"
         refuse("terms", required, shown(leading))
     inverse = np.linalg.inv(leading)
@@ -180,7 +180,7 @@ def _with_algebraic_rows(
         required = "be one Caputo operator of order up to 1, where rows of its matrix are 0"
         remedy = "give each element a component of its own, with coefficients of shape (d,)"
         refuse("terms", required, " and ".join(f"{operator}" for operator, _ in left), remedy)
-    if np.linalg.matrix_rank(matrix, 1 / _SINGULAR * np.abs(matrix).max()) < len(rows):
+    if np.linalg.matrix_rank(matrix, 1 / _MAX_CONDITION_NUMBER * np.abs(matrix).max()) < len(rows):
         required = "have independent rows besides those of zeros in front of the derivatives"
         refuse("terms", required, shown(left[0].coefficients), "combine dependent rows to zeros")
     size = d + len(rows)

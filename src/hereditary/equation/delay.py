@@ -17,11 +17,11 @@ from ..compiled.functions import N_COEFFICIENTS, Functions, with_delays
 from ..support.checks import complaint, positive, refuse, shown
 
 # Coefficients of a whole table, from which the number of its polynomials follows.
-_NUMBERS = 20_000
+_COEFFICIENTS_PER_TABLE = 20_000
 # Fewest polynomials of a table, also of many components.
-_FEWEST = 128
+_MIN_POLYNOMIALS = 128
 # Most polynomials of a table, also of one component.
-_MOST = 2048
+_MAX_POLYNOMIALS = 2048
 # What to do about a delay that touches 0.
 TOUCHES = "for a delay that touches 0, take max(tau(t), least) with a least one above 0"
 
@@ -123,7 +123,9 @@ class Delayed(NamedTuple):
 
 def room_of(d: int) -> int:
     """Return the number of polynomials that tables of d components have room for."""
-    return int(np.clip(_NUMBERS // (N_COEFFICIENTS * d), _FEWEST, _MOST))
+    return int(
+        np.clip(_COEFFICIENTS_PER_TABLE // (N_COEFFICIENTS * d), _MIN_POLYNOMIALS, _MAX_POLYNOMIALS)
+    )
 
 
 def _taus(delay: Delay, t: np.ndarray, origin: float) -> np.ndarray:

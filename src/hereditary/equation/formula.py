@@ -13,7 +13,7 @@ from .operators import Term
 
 # Largest number of characters of a kernel's description; the name of its class replaces a longer
 # one.
-_LONGEST = 60
+_MAX_KERNEL_CHARACTERS = 60
 
 
 def formula(equation: Any) -> str:
@@ -50,7 +50,7 @@ def _term(term: Term) -> str:
     order = getattr(operator, "order", None)
     if order is None:  # a general kernel
         kernel, primes = repr(operator.kernel), "&prime;" * operator.derivative
-        if len(kernel) > _LONGEST or " at 0x" in kernel:
+        if len(kernel) > _MAX_KERNEL_CHARACTERS or " at 0x" in kernel:
             kernel = type(operator.kernel).__name__
         return f"{factor}&int; {html.escape(kernel)} y{primes}"
     power = _name(order, "alpha") + "(t)" if callable(order) else _plain(order)

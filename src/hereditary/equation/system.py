@@ -27,7 +27,7 @@ from .frame import Frame
 from .jacobian_structure import Structure
 from .terms import SystemTerm
 
-_SAME = Frame()
+_IDENTITY_FRAME = Frame()
 # Properties that follow from the left side alone, which systems share that differ in the rest.
 _OF_LEFT = (
     "n_solved", "distinct", "read", "above", "_highest_orders", "second", "algebraic",
@@ -94,7 +94,7 @@ class System:
     structure: Structure | None = None
     quantities: Any = None
     of_y: Any = None
-    frame: Frame = _SAME
+    frame: Frame = _IDENTITY_FRAME
     rhs_digest: str = ""
     terms_digest: str = ""
     matrix: Any = None

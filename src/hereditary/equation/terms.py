@@ -22,10 +22,10 @@ from .orders import derivative_order, rounded_order
 
 # Argument s of a Laplace transform K^(s), so close to 0 that s K^(s) is the limit of the kernel K
 # at late times: its constant part, if it has one.
-_SLOW = 1e-200 + 0j
+_LATE_S = 1e-200 + 0j
 # Second argument s, closer to 0, at which a kernel without constant part has a smaller s K^(s).
-_SLOWER = 1e-250 + 0j
-# Ratio of s K^(s) at `_SLOWER` to that at `_SLOW` above which a kernel has a constant part.
+_LATER_S = 1e-250 + 0j
+# Ratio of s K^(s) at `_LATER_S` to that at `_LATE_S` above which a kernel has a constant part.
 _CONSTANT = 0.99
 
 
@@ -162,7 +162,7 @@ def _mean_symbol(kernel: MemoryKernel, m: int) -> complex:
     """
     with np.errstate(all="ignore"):
         mean = 0.0 if m else complex(kernel.laplace(0j))
-        late, later = (abs(s * kernel.laplace(s)) for s in (_SLOW, _SLOWER))
+        late, later = (abs(s * kernel.laplace(s)) for s in (_LATE_S, _LATER_S))
     known = m > 0 or math.isinf(kernel.t_last)
     if not known or not np.isfinite(mean) or later > _CONSTANT * late:
         required = "fade" if m else "be integrable over all times"

@@ -14,7 +14,7 @@ from ..compiled.signatures import RightSide
 from ..support.checks import complaint
 
 # Two steps of the differences that check a Jacobian, relative to the size of a component.
-_STEPS = 1e-4, 1e-5
+_CHECK_STEPS = 1e-4, 1e-5
 # Relative deviation of an entry of a dense Jacobian that rounding and truncation cannot explain.
 _OF_ENTRY = 1e-3
 # Such a deviation for the product of a given sparse Jacobian with a direction, relative to moduli.
@@ -22,13 +22,13 @@ _OF_GIVEN = 1e-6
 # Such a deviation for the product of a sparse Jacobian by differences with a direction.
 _OF_DIFFERENCES = 1e-9
 # Fraction of the largest component of y0 up to which a component counts as next to 0.
-_SMALL = 1e-3
+_NEXT_TO_0_FRACTION = 1e-3
 # Times at which f is evaluated if it is 0 at t = 0, because it may start later [time].
 _LATER = (1e-3, 1e-2, 0.1, 1.0, 10.0)
 # First trial of a step of a component at or near 0, as fraction of f.
 _FIRST_STEP = 1e-3
 # Ratio of one trial step to the next one.
-_APART = 1024.0
+_TRIAL_STEP_RATIO = 1024.0
 # Largest number of trial steps of a component.
 _MOST_TRIALS = 12
 # Least change of f, as fraction of f, that counts as more than rounding errors.
@@ -139,18 +139,18 @@ def _deviation(
             break
         with np.errstate(all="ignore"):
             changes = (values[:, 0] - values[:, 1]).transpose(0, 2, 1)
-            far, near = changes / (2 * lengths * np.array(_STEPS)[:, None, None])
+            far, near = changes / (2 * lengths * np.array(_CHECK_STEPS)[:, None, None])
         if not all(np.all(np.isfinite(a)) for a in (given, far, near)):
             break
         moduli = np.maximum(sizes, np.abs(near))
-        noise = 1e-14 * (np.abs(values).max(axis=(0, 1)).T / lengths + moduli) / _STEPS[1]
+        noise = 1e-14 * (np.abs(values).max(axis=(0, 1)).T / lengths + moduli) / _CHECK_STEPS[1]
         allowed = share * (moduli + 1e-3 * moduli.max(axis=1, keepdims=True))
         error = allowed + 10 * np.abs(far - near) + noise
         found, least = np.where(error < least, near, found), np.minimum(error, least)
-        longer = np.any(noise > allowed, axis=0) & (_APART * lengths <= longest)
+        longer = np.any(noise > allowed, axis=0) & (_TRIAL_STEP_RATIO * lengths <= longest)
         if not longer.any():
             break
-        lengths = np.where(longer, _APART * lengths, lengths)
+        lengths = np.where(longer, _TRIAL_STEP_RATIO * lengths, lengths)
     if np.isinf(least).any():
         return None
     return np.abs(given - found) > least, given, found
@@ -163,7 +163,7 @@ def _values(right: RightSide, t: float, y: np.ndarray, shifts: np.ndarray) -> np
     """
     values = np.empty((2, 2, *shifts.shape))
     try:
-        for step, (above, below) in zip(_STEPS, values, strict=True):
+        for step, (above, below) in zip(_CHECK_STEPS, values, strict=True):
             for up, down, shift in zip(above, below, step * shifts, strict=True):
                 force_at(right, t, y + shift, up)
                 force_at(right, t, y - shift, down)
@@ -185,7 +185,7 @@ def units_of(right: RightSide, y0: np.ndarray) -> np.ndarray:
     that in f.
     """
     units = np.abs(y0)
-    small = np.flatnonzero(units <= _SMALL * units.max())
+    small = np.flatnonzero(units <= _NEXT_TO_0_FRACTION * units.max())
     if y0.size > FEW:  # one unit for all components of a large system
         units[:] = units.max() or np.abs(_moved(right, y0)).max()
         small = small[:0]
@@ -216,7 +216,7 @@ def _visible_step(right: RightSide, y0: np.ndarray, c: int) -> float:
         if not (linear[c] if change[c] else linear.all()):
             if found:
                 return found
-            step, shrunk = step / _APART, True
+            step, shrunk = step / _TRIAL_STEP_RATIO, True
             continue
         clear = np.abs(change) >= _CLEAR * np.abs(force)
         seen = clear | (change == 0)
@@ -224,7 +224,7 @@ def _visible_step(right: RightSide, y0: np.ndarray, c: int) -> float:
             found = found or step
             if shrunk or clear.all():
                 return step if change.any() and linear.all() else found
-        step *= _APART  # rounding of f may hide the change
+        step *= _TRIAL_STEP_RATIO  # rounding of f may hide the change
     return found
 
 

@@ -21,9 +21,9 @@ from .messages import code_of
 # Largest number of NumPy views of addresses that one callback keeps; a run uses few addresses.
 _VIEWS = 256
 # Time after which the timing of a function, for the warning, ends [seconds].
-_TIMED = 1e-3
+_MAX_TIMING_SECONDS = 1e-3
 # Time that a call from compiled code into Python adds to that of the function [seconds].
-_ADDED = 3e-6
+_CALLBACK_SECONDS = 3e-6
 # Time of one explicit step of a compiled equation [seconds].
 _COMPILED_STEP = 2e-7
 # Messages of the ValueError of module `math` outside of a function's domain, where compiled code
@@ -119,11 +119,11 @@ def warn_of_python(name: str, fun: Any, reason: str, call: Callable[[], object])
     _warned.add(known)
     spent: list[float] = []
     began = time.perf_counter()
-    while not spent or (len(spent) < 20 and time.perf_counter() - began < _TIMED):
+    while not spent or (len(spent) < 20 and time.perf_counter() - began < _MAX_TIMING_SECONDS):
         start = time.perf_counter()
         call()
         spent.append(time.perf_counter() - start)
-    seconds = min(spent) + _ADDED
+    seconds = min(spent) + _CALLBACK_SECONDS
     warn(
         f"{name} is called in Python, {reason}; a call takes {1e6 * seconds:.3g} us, where a step "
         f"of a compiled run takes {1e6 * _COMPILED_STEP:g} us and more, so that runs may take "

@@ -29,7 +29,7 @@ _INSTALLED = tuple({sysconfig.get_path(name) for name in ("purelib", "platlib", 
 # Packages whose functions count by their names, without their code.
 _FOREIGN = frozenset({"numpy", "scipy", "numba", *sys.stdlib_module_names})
 # Types of values that are compared by their text.
-_PLAIN = bool | int | float | complex | str | bytes | np.generic | None | type(...)
+_TYPES_COMPARED_BY_TEXT = bool | int | float | complex | str | bytes | np.generic | None | type(...)
 # Largest size in bytes of a contiguous array that numba copies into compiled code.
 _COPIED_MAX = 1_000_000
 # Known digests of objects that never change: their class has a true attribute `fixed_contents`.
@@ -80,7 +80,11 @@ def _reads(function: FunctionType) -> dict[str, Any]:
     for module in [value for value in found.values() if inspect.ismodule(value)]:
         values = {name: vars(module)[name] for name in names & vars(module).keys()}
         if module.__name__.split(".")[0] in _FOREIGN:  # their objects may contain anything
-            values = {name: value for name, value in values.items() if isinstance(value, _PLAIN)}
+            values = {
+                name: value
+                for name, value in values.items()
+                if isinstance(value, _TYPES_COMPARED_BY_TEXT)
+            }
         found |= {f"{module.__name__}.{name}": value for name, value in values.items()}
     return found
 
@@ -133,7 +137,9 @@ def _contents(value: Any) -> tuple | None:
     """Return a hashable form of an array, a number or a text; None for any other type."""
     if isinstance(value, np.ndarray) and not value.dtype.hasobject:
         return value.shape, value.dtype.str, hashlib.sha256(value.tobytes()).hexdigest()
-    return (type(value).__name__, repr(value)) if isinstance(value, _PLAIN) else None
+    return (
+        (type(value).__name__, repr(value)) if isinstance(value, _TYPES_COMPARED_BY_TEXT) else None
+    )
 
 
 def _key(value: Any) -> Hashable:

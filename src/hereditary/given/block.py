@@ -5,7 +5,7 @@ from .signatures import MARCH_MEMORY
 
 # Largest ratio of the sizes of two neighbouring steps at which the slope of the solution is that of
 # a parabola. Beyond this ratio it is the slope of the line through the last two values.
-_STEEP = 8.0
+_MAX_RATIO_OF_PARABOLIC_SLOPE = 8.0
 # Statuses that a march returns.
 RUNNING = 0  # the march can go on
 BLOWN_UP = 1  # the solution is not bounded
@@ -71,11 +71,15 @@ def write_row(m, k, h, ratio):
 
     h is the size of the step, and `ratio` is h over the size of the step before. The slope is that
     of the parabola through the last three values. If the two sizes differ by more than a factor of
-    `_STEEP`, it is the slope of the line through the last two.
+    `_MAX_RATIO_OF_PARABOLIC_SLOPE`, it is the slope of the line through the last two.
     """
     rows, slopes = m.output.rows, m.output.slopes
     x, u, d = m.state.x, m.state.increment, m.state.change
-    lean = 0.5 if ratio <= _STEEP and _STEEP * ratio >= 1.0 else 0.0
+    lean = (
+        0.5
+        if ratio <= _MAX_RATIO_OF_PARABOLIC_SLOPE and _MAX_RATIO_OF_PARABOLIC_SLOPE * ratio >= 1.0
+        else 0.0
+    )
     for c in range(rows.shape[1]):
         rows[k, c], slopes[k, c] = x[c], (u[c] + lean * d[c]) / h
 

@@ -14,9 +14,9 @@ from .stability import longest_step
 
 # The step that a message recommends, as a fraction of the longest stable step. Rounded to two
 # digits it is still stable.
-_BELOW = 0.9
+_STABLE_STEP_FRACTION = 0.9
 # Shortest step that a message recommends, as a fraction of the run's step.
-_LEAST = 1e-6
+_MIN_RECOMMENDED_FRACTION = 1e-6
 # Remedy if not even the first step is solved.
 _FROM_EDGE = "where y begins at an edge of the domain of the right-hand side, use rtol="
 
@@ -67,7 +67,11 @@ def remedy_of(
     if watch.largest > 1:
         step = longest_step(scheme, system, h, watch.largest)
         # the message names no shorter step: it would come from a blow-up, or take days
-        smaller += f", h = {_BELOW * step:.2g} would do" if step > _LEAST * h else ""
+        smaller += (
+            f", h = {_STABLE_STEP_FRACTION * step:.2g} would do"
+            if step > _MIN_RECOMMENDED_FRACTION * h
+            else ""
+        )
     implicit = "BDF(2)" if system.constant else "L1()"
     if system.n_solved > FEW and system.structure is None:
         implicit += f", with linear= or bandwidth= for {system.n_solved} components"

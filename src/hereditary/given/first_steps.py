@@ -18,9 +18,9 @@ from scipy.special import rgamma
 from ..equation.system import System
 
 # Time at which the slope is evaluated instead of 0, where powers below 1 have no slope.
-_NEXT_TO_0 = 1e-200
-# Slope at `_NEXT_TO_0` above which the slope at 0 is returned as infinite.
-_STEEP = 1e12
+_TIME_NEXT_TO_0 = 1e-200
+# Slope at `_TIME_NEXT_TO_0` above which the slope at 0 is returned as infinite.
+_INFINITE_SLOPE = 1e12
 
 
 def starting_steps(stepper: Any) -> FirstSteps | None:
@@ -86,8 +86,8 @@ class FirstSteps:
 
         y' is infinite at t = 0 where the solution has powers below 1.
         """
-        y, slope = self.inside(n, np.maximum(t, _NEXT_TO_0))
-        steep = (t[:, None] == 0.0) & (np.abs(slope) > _STEEP)
+        y, slope = self.inside(n, np.maximum(t, _TIME_NEXT_TO_0))
+        steep = (t[:, None] == 0.0) & (np.abs(slope) > _INFINITE_SLOPE)
         return np.where(steep, np.copysign(np.inf, slope), slope) if derivative else y
 
     def _known(self, t: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

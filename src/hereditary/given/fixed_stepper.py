@@ -61,19 +61,20 @@ from .steps import MeshSteps, UniformSteps, before_break, break_steps, rows_besi
 # history.
 BLOCK = 32
 # Rounding error of y, relative to y.
-_ROUNDED = 1e-13
+_ROUNDING_OF_Y = 1e-13
 # Seconds that one call of the compiled march lasts, between two checks for Ctrl-C and the progress
 # bar. Entering the march costs 0.04 ms.
-_SECONDS = 0.1
+_SECONDS_PER_CALL = 0.1
 # Most steps in one call of the compiled march, times components. The solution of all these steps
 # then fits in a near cache of the processor.
-_NUMBERS = 1 << 15
-# One call of the compiled march may make this many steps even if `_NUMBERS` allows fewer.
-_LEAST = 32
+_MAX_NUMBERS_PER_CALL = 1 << 15
+# One call of the compiled march may make this many steps even if `_MAX_NUMBERS_PER_CALL` allows
+# fewer.
+_MIN_STEPS_PER_CALL = 32
 # Number of plans that remain in storage for later runs.
 _PLANS_MAX = 64
 # Most steps in one call of the compiled march if an event may end the call early.
-_SHORT = 256
+_MAX_STEPS_WITH_EVENTS = 256
 
 
 class FixedStepper(ResumableStepper, TangentStepper, JumpingStepper):
@@ -133,7 +134,10 @@ class FixedStepper(ResumableStepper, TangentStepper, JumpingStepper):
         self._begin(plan)
         self._misfit = misfit_on_given_steps(self.memory.kernel_errors, history)
         self._status, self._jumped = RUNNING, False
-        self._seconds, self._most = 0.0, _NUMBERS  # seconds a step takes; most steps in one call
+        self._seconds, self._most = (
+            0.0,
+            _MAX_NUMBERS_PER_CALL,
+        )  # seconds a step takes; most steps in one call
         self._error: Exception | None = None
         self._breaks: frozenset[int] = frozenset()
 
@@ -259,8 +263,8 @@ class FixedStepper(ResumableStepper, TangentStepper, JumpingStepper):
             except Exception:  # the march calls f again, and reports the exception
                 return 1
             self._seconds = max(time.perf_counter() - began, 1e-9)
-        most = min(max(_NUMBERS // system.d, _LEAST), self._most)
-        return int(min(max(_SECONDS / self._seconds, 1), most))
+        most = min(max(_MAX_NUMBERS_PER_CALL // system.d, _MIN_STEPS_PER_CALL), self._most)
+        return int(min(max(_SECONDS_PER_CALL / self._seconds, 1), most))
 
     def _march_to(self, n_end: int, rows: np.ndarray, slopes: np.ndarray) -> None:
         """March to step `n_end`, and write solution and slopes of its k steps, or none for k = 0.
@@ -484,14 +488,14 @@ class FixedStepper(ResumableStepper, TangentStepper, JumpingStepper):
     @property
     def uncertainty(self) -> np.ndarray:
         """Estimated rounding errors of y, (d,)."""
-        return _ROUNDED * np.abs(self.y)
+        return _ROUNDING_OF_Y * np.abs(self.y)
 
     def expect_jumps(self, of_y: bool) -> None:
         """Prepare for jumps of f, and of y if `of_y`: make fewer steps in each call.
 
         Jumps of y are refused if a kernel or a Riemann-Liouville term acts on y itself.
         """
-        self._most = _SHORT
+        self._most = _MAX_STEPS_WITH_EVENTS
         terms = [operator for operator, _ in self.system.left]
         acting = [op for op in terms if op.derivative == 0 or op.from_zero]
         if of_y and acting:

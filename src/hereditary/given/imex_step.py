@@ -8,7 +8,7 @@ from .newton import set_factors
 
 # An IMEX step takes its explicit part at this fraction of the step after its start. The distance
 # exceeds rounding errors of times, so a jump of f at the start of the step is already over.
-_ASIDE = 1e-9
+_IMEX_OFFSET = 1e-9
 
 
 @inner
@@ -29,7 +29,7 @@ def solve_linearly(m, t, i):
         counts.kept = int(set_factors(m, 0))
         if counts.kept == 0:
             return False
-    set_force(right.force, t - (rows.theta[i] - _ASIDE) * rows.unit[i], x, f)
+    set_force(right.force, t - (rows.theta[i] - _IMEX_OFFSET) * rows.unit[i], x, f)
     counts.rhs += 1
     multiply(work[0], x, moved)
     ahead = rows.theta[i] * rows.ratio[i] if counts.extrapolates == 1 else 0.0

@@ -12,7 +12,7 @@ from .stability import StabilityRegion
 
 # Most components for which stability is watched by dense Jacobians. Beyond it they would take more
 # time and storage than the march.
-_MOST = 2000
+_MAX_WATCHED_COMPONENTS = 2000
 
 
 class JacobianWatch:
@@ -41,7 +41,7 @@ class JacobianWatch:
 
     def __init__(self, region: StabilityRegion | None, system: System, block: int) -> None:
         known, d = system.structure, system.d
-        self.watches = region is None or known is not None or d <= _MOST
+        self.watches = region is None or known is not None or d <= _MAX_WATCHED_COMPONENTS
         self._region = region.orbit(d, system.sources) if region and self.watches else None
         self._structure, self._shape = known, (d, d)
         self.every = block * self._region.every if self._region else 0

@@ -22,42 +22,42 @@ from ..compiled.signatures import FACTORISE, SUBSTITUTE
 from .step import look
 
 # Newton iterations after which a step counts as not solved.
-_MOST = 38
+_STEP_NEWTON_MAXITER = 38
 # Most halvings of a Newton correction, or of the first guess of w, that leaves the domain of f.
-_HALVED = 8
+_MAX_HALVINGS_OF_CORRECTION = 8
 # Ratio of successive Newton corrections above which the Jacobian is computed again.
-_SLOW = 0.1
+_MAX_CORRECTION_RATIO = 0.1
 # The same ratio for a Jacobian of an earlier step, in systems of few components (at most FEW,
 # compiled/jacobian.py). There a new Jacobian is cheap.
-_SLOW_OF_EARLIER = 1e-3
+_MAX_CORRECTION_RATIO_OF_EARLIER = 1e-3
 # Number of steps that each get a new Jacobian, after the Jacobian of an earlier step converged
 # slowly in a system of few components.
-_RENEWED = 16
+_STEPS_WITH_NEW_JACOBIAN = 16
 # Factor of the allowed error if the Jacobian is that of an earlier step, in systems of few
 # components. With a new Jacobian the error of Newton's method is far below its estimate. With an
 # earlier one the error equals the estimate and has the same sign in every step. Equations of order
 # above 1 sum this error twice, and in stiff equations it acts like a change of f.
-_OF_EARLIER = 1e-6
+_TOL_FACTOR_OF_EARLIER = 1e-6
 # Largest ratio of successive Newton corrections at which the kept factors count as exact for a
 # linear equation. Then one iteration solves a step.
-_AT_ONCE = 1e-8
+_MAX_RATIO_OF_EXACT_FACTORS = 1e-8
 # Ratio of a Newton correction to its residual above which the matrix counts as nearly singular.
-_MOST_GROWN = 1e6
+_MAX_GROWTH_OF_CORRECTION = 1e6
 # Allowed error of the increment w, relative to w. A step is solved if the estimated error is below
-# this part plus the parts by _ROUNDING and _UNDERFLOW.
-_TOLERANCE = 1e-13
+# this part plus the parts by _ROUNDING_RTOL and _UNDERFLOW_ATOL.
+_INCREMENT_RTOL = 1e-13
 # Allowed error of the increment by rounding of the solution, relative to the solution.
-_ROUNDING = 2e-16
+_ROUNDING_RTOL = 2e-16
 # Allowed absolute error of the increment, which covers underflow.
-_UNDERFLOW = 1e-300
+_UNDERFLOW_ATOL = 1e-300
 # A residual below this fraction of its summands is a rounding error.
-_RESIDUAL = 4e-15
+_ROUNDING_OF_RESIDUAL = 4e-15
 # Residuals are compared with rounding errors only if a Newton correction is below this fraction of
 # the solution.
-_SMALL = 1e-3
+_MAX_CORRECTION_IN_ROUNDING = 1e-3
 # Residuals are compared with rounding errors only if the ratio of successive Newton corrections
 # exceeds this value.
-_STALLED = 0.5
+_MIN_RATIO_IN_ROUNDING = 0.5
 
 
 @inner
@@ -82,7 +82,7 @@ def solve_step(march, t):
         first[c] = change[c] = w[c]
     if counts.renewed > 0:
         counts.renewed, counts.kept = counts.renewed - 1, 0
-    for iteration in range(_MOST):
+    for iteration in range(_STEP_NEWTON_MAXITER):
         look(m, n)
         set_force(right.force, t, point, f)
         counts.rhs += 1
@@ -95,7 +95,7 @@ def solve_step(march, t):
             counts.kept, counts.at_once, fresh, previous = 1, 0, True, np.inf
         for c in range(n):
             change[c] = lead[c] * f[c] - known[c] - scale[c] * w[c] if c < d else 0.0
-        if stalled and grown < _MOST_GROWN:
+        if stalled and grown < _MAX_GROWTH_OF_CORRECTION:
             done = within_rounding(m, change)
         for c in range(d if previous == np.inf and not few else 0):
             residual = max(residual, abs(change[c]))
@@ -114,16 +114,16 @@ def solve_step(march, t):
             reference = max(reference, abs(base[c]))
         grown = max(grown, size / residual) if residual > 0.0 else grown
         residual = 0.0
-        allowed = _TOLERANCE * largest + _ROUNDING * reference + _UNDERFLOW
-        allowed *= _OF_EARLIER if few and not fresh else 1.0
-        slow = _SLOW_OF_EARLIER if few and not fresh else _SLOW
-        unchecked = not stalled and size <= _SMALL * (largest + reference)
+        allowed = _INCREMENT_RTOL * largest + _ROUNDING_RTOL * reference + _UNDERFLOW_ATOL
+        allowed *= _TOL_FACTOR_OF_EARLIER if few and not fresh else 1.0
+        slow = _MAX_CORRECTION_RATIO_OF_EARLIER if few and not fresh else _MAX_CORRECTION_RATIO
+        unchecked = not stalled and size <= _MAX_CORRECTION_IN_ROUNDING * (largest + reference)
         answer = verdict(size, previous, allowed, slow, fresh, unchecked)
         if done or (counts.at_once == 1 and size < np.inf):
             answer = ACCEPT
         if answer == ACCEPT:
-            exact = m.linear.exact == 1 and previous < np.inf and grown < _MOST_GROWN
-            if exact and size / previous <= _AT_ONCE:
+            exact = m.linear.exact == 1 and previous < np.inf and grown < _MAX_GROWTH_OF_CORRECTION
+            if exact and size / previous <= _MAX_RATIO_OF_EXACT_FACTORS:
                 counts.at_once = 1
             if few and not fresh and iteration > 1:
                 counts.kept = 0  # a Jacobian that needs a third iteration has become too old
@@ -135,7 +135,7 @@ def solve_step(march, t):
         if answer in (REFRESH, RESTART):
             counts.kept = 0
             if few and not fresh:
-                counts.renewed = _RENEWED
+                counts.renewed = _STEPS_WITH_NEW_JACOBIAN
         stalled, previous = stalled or answer == CHECK, size
     counts.kept = 0
     return False
@@ -164,7 +164,7 @@ def verdict(size, previous, allowed, slow, fresh, unchecked):
         Whether the correction is small, and no residual was compared with rounding errors yet.
     """
     rate = size / previous if previous < np.inf else 1.0
-    if unchecked and previous < np.inf and rate > _STALLED:
+    if unchecked and previous < np.inf and rate > _MIN_RATIO_IN_ROUNDING:
         return CHECK  # rounding may be the reason
     if not size < np.inf:
         return FAIL if fresh else RESTART
@@ -195,16 +195,16 @@ def step_back(m, t):
     force, room, n, d = m.right.force, m.room, m.table.n_orbit, m.table.n_solved
     w, change, lead, known, scale = room.w, room.moved, room.lead, room.known, room.scale
     point, f = room.point[:n], room.f[:n]
-    for trial in range(2 * _HALVED + 1):
+    for trial in range(2 * _MAX_HALVINGS_OF_CORRECTION + 1):
         for c in range(d):
-            change[c] *= 0.5 if trial != _HALVED else 1.0
+            change[c] *= 0.5 if trial != _MAX_HALVINGS_OF_CORRECTION else 1.0
             w[c] -= change[c]
         look(m, n)
         set_force(force, t, point, f)
         m.state.counts.rhs += 1
-        if is_finite(f, d) == (trial != _HALVED):
-            return trial != _HALVED
-        for c in range(d if trial == _HALVED else 0):
+        if is_finite(f, d) == (trial != _MAX_HALVINGS_OF_CORRECTION):
+            return trial != _MAX_HALVINGS_OF_CORRECTION
+        for c in range(d if trial == _MAX_HALVINGS_OF_CORRECTION else 0):
             change[c] = 2.0 * ((lead[c] * f[c] - known[c]) / scale[c] - w[c])
             w[c] += change[c]
     return False
@@ -250,7 +250,7 @@ def within_rounding(m, residual):
     magnitudes(m.state.newton[0], room.point[:n], sizes)  # sizes of the summands of f
     for i in range(m.table.n_solved):
         size = abs(lead[i]) * (sizes[i] + abs(f[i])) + abs(known[i]) + abs(scale[i] * w[i])
-        if not abs(residual[i]) <= _RESIDUAL * size:
+        if not abs(residual[i]) <= _ROUNDING_OF_RESIDUAL * size:
             return False
     return True
 

@@ -19,9 +19,9 @@ from .members import MemberStepper
 from .steps import COUNTED, MeshSteps, UniformSteps, mesh_steps, steps_in
 
 # Least decimal logarithm of h**order, which schemes divide by.
-_LEAST = -290.0
+_MIN_LOG10_POWER = -290.0
 # Largest decimal logarithm of h**order.
-_MOST = 290.0
+_MAX_LOG10_POWER = 290.0
 
 
 # History of runs for which none is given.
@@ -66,7 +66,7 @@ def _uniform_steps(
             required = f"be at most {COUNTED:.0e}, so that times of steps differ"
             refuse("n_steps", required, f"{n_steps:.3g}")
         h, order = t_end / n_steps, system.highest_order
-        if h == 0 or not _LEAST < order * math.log10(h) < _MOST:
+        if h == 0 or not _MIN_LOG10_POWER < order * math.log10(h) < _MAX_LOG10_POWER:
             required = f"leave steps h whose power h**{order:g} is a number of double precision"
             refuse("t_end", required, f"h = {h}", "take another unit of time")
         return UniformSteps(h, n_steps)

@@ -7,9 +7,11 @@ from scipy.special import rgamma
 from ..compiled.jit import compiled
 
 # Degree of the polynomial for 1/Gamma(1 + p) in 2 p - 1, 0 <= p <= 1. Its error is 3e-15.
-_DEGREE = 18
-_SERIES = Chebyshev(Chebyshev.interpolate(lambda p: rgamma(p + 1), _DEGREE, (0, 1)).coef)
-_OF_GAMMA = _SERIES.convert(kind=Polynomial).coef
+_GAMMA_DEGREE = 18
+_GAMMA_SERIES = Chebyshev(
+    Chebyshev.interpolate(lambda p: rgamma(p + 1), _GAMMA_DEGREE, (0, 1)).coef
+)
+_GAMMA_COEFFICIENTS = _GAMMA_SERIES.convert(kind=Polynomial).coef
 
 
 @compiled
@@ -17,9 +19,9 @@ def inverse_gamma(p):
     """Return 1/Gamma(1 + p) for p (n,) in [0, 1], in a tenth of the time that SciPy takes."""
     found = np.empty(p.shape[0])
     for i in range(p.shape[0]):
-        u, total = 2 * p[i] - 1, _OF_GAMMA[_DEGREE]
-        for k in range(_DEGREE - 1, -1, -1):
-            total = total * u + _OF_GAMMA[k]
+        u, total = 2 * p[i] - 1, _GAMMA_COEFFICIENTS[_GAMMA_DEGREE]
+        for k in range(_GAMMA_DEGREE - 1, -1, -1):
+            total = total * u + _GAMMA_COEFFICIENTS[k]
         found[i] = total
     return found
 

@@ -29,7 +29,7 @@ from .watch import SLOWEST
 # Largest ratio of the lengths of two neighbouring steps at which the solution is a parabola. Beyond
 # this ratio it is a line, because such steps meet at a corner or a singular point of the solution.
 # A parabola would use values from the other side of this point.
-_STEEPEST = 30.0
+_MAX_RATIO_OF_PARABOLA = 30.0
 # Number of steps at which varying orders are checked before a run.
 _LOOKED_AT = 1001
 # Number of steps whose coefficients are computed together. Each batch starts at a multiple of this
@@ -137,7 +137,11 @@ class _Mesh:
         self._ratios = np.append(1.0, steps[1:] / steps[:-1])
         # lean of each step, over the difference between the mean slopes of the next step and it
         ratio = self._ratios[1:]
-        fit = (ratio <= _STEEPEST) & (_STEEPEST * ratio >= 1.0) & (parabolas > 0)
+        fit = (
+            (ratio <= _MAX_RATIO_OF_PARABOLA)
+            & (_MAX_RATIO_OF_PARABOLA * ratio >= 1.0)
+            & (parabolas > 0)
+        )
         self._slopes = np.append(np.where(fit, 2.0 / (steps[1:] + steps[:-1]), 0.0), 0.0)
         # middles of all steps, and distances between them; the first middle is that of an imagined
         # step before 0, as long as the first step

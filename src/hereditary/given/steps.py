@@ -55,13 +55,13 @@ def graded(n: int, exponent: float) -> Graded:
 
 
 # A run on a mesh can be resumed up to this factor times its end time.
-_FAR = 10.0
+_RESUMPTION_FACTOR = 10.0
 # Most steps of a run. Larger whole numbers are not all floats.
 COUNTED = 2**53
 # Largest distance of a break from the end of a step, as a fraction of the step.
-_OFF = 1e-6
+_MAX_BREAK_OFFSET = 1e-6
 # A step next to a jump of f takes f this far from the jump, relative to the time.
-_ASIDE = 8 * np.finfo(float).eps
+_JUMP_OFFSET = 8 * np.finfo(float).eps
 
 
 class Span(NamedTuple):
@@ -93,7 +93,7 @@ def mesh_steps(
     if so_far is not None:
         return MeshSteps(np.concatenate([so_far.mesh, times[1:]]), so_far.span)
     shortest = float(np.diff(times)[:-1].min(initial=np.inf))
-    return MeshSteps(times, Span(shortest, _FAR * t_end))
+    return MeshSteps(times, Span(shortest, _RESUMPTION_FACTOR * t_end))
 
 
 @dataclass(frozen=True)
@@ -225,7 +225,7 @@ def break_steps(
         return frozenset()
     positions = steps.positions(times)
     numbers = np.rint(positions)
-    off = np.abs(positions - numbers) > _OFF
+    off = np.abs(positions - numbers) > _MAX_BREAK_OFFSET
     if np.any(off):
         required = "be times of steps, which see the jump from its own side each"
         remedy = "take as many steps that one ends there, or a mesh through it"
@@ -257,7 +257,9 @@ def rows_beside(
     for beside, seen, sign in ((n + 1 in breaks, 1.0, -1.0), (n in breaks, 0.0, 1.0)):
         if beside and np.all(theta == seen):
             t = steps.time(n + 1)
-            theta = theta + sign * _ASIDE * max(t, abs(origin), abs(origin + t)) / steps.unit(n + 1)
+            theta = theta + sign * _JUMP_OFFSET * max(t, abs(origin), abs(origin + t)) / steps.unit(
+                n + 1
+            )
     return rows._replace(theta=theta)
 
 
@@ -265,7 +267,7 @@ def kept_steps(times: np.ndarray, h: float, start: float) -> np.ndarray:
     """Return the numbers n with ``start + n h`` equal to the given times; refuse other times."""
     positions = (times - start) / h
     numbers = np.rint(positions)
-    if np.any(np.abs(positions - numbers) > _OFF):
+    if np.any(np.abs(positions - numbers) > _MAX_BREAK_OFFSET):
         required = f"be times of steps, whole multiples of h = {h:g} from t_start on"
         refuse("t_eval", required, shown(times))
     return numbers.astype(np.int64)

@@ -17,12 +17,12 @@ from .memory_kernel import ExponentialSum, MemoryKernel
 from .special import gauss_unit
 
 # Times at which the behaviour at 0 is read: the smallest one at which the function has a value.
-_LADDER = 10.0 ** np.arange(-290.0, 1.0, 10.0)
-_TINY = 1e-300
+_TIMES_NEAR_0 = 10.0 ** np.arange(-290.0, 1.0, 10.0)
+_MIN_FIT_TIME = 1e-300
 # Fit points per factor e of time before the first datum of a table, where the fit follows the power
 # law of the run.
 _PER_E_FOLD = 24
-_NODES, _WEIGHTS = gauss_unit(20)
+_GAUSS_NODES, _GAUSS_WEIGHTS = gauss_unit(20)
 
 
 class Kernel(MemoryKernel):
@@ -160,7 +160,9 @@ class Kernel(MemoryKernel):
     def _slope_at_zero(self) -> float:
         """Return a of K ~ t**-a from values at the smallest times; an a near 0 counts as 0."""
         with np.errstate(all="ignore"):
-            pairs = np.abs(self._at(np.concatenate([_LADDER, 2 * _LADDER]))).reshape(2, -1)
+            pairs = np.abs(self._at(np.concatenate([_TIMES_NEAR_0, 2 * _TIMES_NEAR_0]))).reshape(
+                2, -1
+            )
         usable = np.flatnonzero(np.all(np.isfinite(pairs) & (pairs > 0), axis=0))
         if usable.size == 0 and np.isfinite(pairs).all():
             return 0.0  # the function is 0 up to some time
@@ -181,12 +183,14 @@ class Kernel(MemoryKernel):
         ends, p = np.unique(t[t > 0]), 1 - self.singular_exponent
         if ends.size == 0:
             return np.zeros(t.shape)
-        low = max(ends[0] * 2.0 ** (-56 / p), min(_TINY, ends[0]))
+        low = max(ends[0] * 2.0 ** (-56 / p), min(_MIN_FIT_TIME, ends[0]))
         n = math.ceil(math.log(ends[-1] / low) / math.log(4.0)) + 1
         edges = np.unique(np.concatenate([np.geomspace(low, ends[-1], n)[:-1], ends, self._knots]))
         edges = edges[edges <= ends[-1]]
         sizes = np.diff(edges)[:, None]
-        pieces = (sizes * _WEIGHTS * self(edges[:-1, None] + sizes * _NODES)).sum(axis=1)
+        pieces = (sizes * _GAUSS_WEIGHTS * self(edges[:-1, None] + sizes * _GAUSS_NODES)).sum(
+            axis=1
+        )
         first = edges[0] * float(self(edges[0])) / p
         sums = np.cumsum(np.append(first, pieces))
         return np.where(t > 0, sums[np.searchsorted(edges, t)], 0.0)
@@ -227,7 +231,7 @@ def _curve(t: ArrayLike, values: ArrayLike) -> Kernel:
     slopes = curve(ends, 1)
 
     def curve_through_table(t: np.ndarray) -> np.ndarray:
-        logs = np.log(np.maximum(t, _TINY))
+        logs = np.log(np.maximum(t, _MIN_FIT_TIME))
         inside = np.clip(logs, *ends)
         return np.exp(curve(inside) + slopes[(inside < logs).astype(int)] * (logs - inside))
 

@@ -23,11 +23,11 @@ from ..support.checks import positive, refuse, within
 
 # Fraction of the tolerance for the trapezoidal rule. It adds up to 1 with the fractions of both
 # cuts.
-_TRAPEZOID = 0.90
+_TRAPEZOID_FRACTION = 0.90
 # Fraction of the tolerance for the cut at fast rates.
-_FAST = 0.05
+_FAST_CUT_FRACTION = 0.05
 # Fraction of the tolerance for the cut at slow rates.
-_SLOW = 0.05
+_SLOW_CUT_FRACTION = 0.05
 # Numbers m of nodes of the Gauss rules for slow rates, and log((2 m)! 4**(2 m)) of their errors.
 _SLOW_RULES = np.arange(1, 40)
 _OF_SLOW_RULES = gammaln(2 * _SLOW_RULES + 1) + 2 * _SLOW_RULES * math.log(4.0)
@@ -47,12 +47,12 @@ _TOL_MIN = 1e-13
 _FRACTIONS = 1.0, 0.9, 0.7, 0.5
 # Least tolerance of a fit: this constant plus this multiple of log(R), which is the rounding of
 # powers.
-_ROUNDING = 1.2e-14, 3e-16
+_MIN_TOL_BY_ROUNDING = 1.2e-14, 3e-16
 RATIO_MAX = 1e100
 # Number of slow rates that all orders share, in units of the fastest of them: nodes of Chebyshev
 # and of Radau. With three of them all weights are positive; with more they are not for every order.
 SLOW_NODES = 3
-_NODES = (1 - np.cos(2 * np.pi * np.arange(SLOW_NODES) / (2 * SLOW_NODES - 1))) / 2
+_SLOW_RATE_NODES = (1 - np.cos(2 * np.pi * np.arange(SLOW_NODES) / (2 * SLOW_NODES - 1))) / 2
 # Exponents below this are replaced by it. So an exponent that rounding takes for 0 has the weights
 # of a small one.
 SMALLEST = 1e-290
@@ -120,7 +120,7 @@ def fit_unit(
     if 0.0 in exponents:
         return _with_constant(exponents, ratio, tol, fraction)
     goal = tol / _CERTIFICATE
-    allowed = max(goal, _ROUNDING[0] + _ROUNDING[1] * math.log(ratio))
+    allowed = max(goal, _MIN_TOL_BY_ROUNDING[0] + _MIN_TOL_BY_ROUNDING[1] * math.log(ratio))
     for tried in _FRACTIONS if fraction is None else (fraction,):
         found = _construct(exponents, ratio, goal * tried)
         rates, weights, error = _trim(exponents, ratio, allowed, found)
@@ -151,7 +151,7 @@ def trapezoid_step(a: float, tol: float) -> float:
     k/h)/Gamma(a) t**(-2 pi i k/h)``, of which k = 1 dominates. The step also gives the least
     possible number of modes, ``ceil(log(4 R) / h)`` (docs/theory.md).
     """
-    goal = math.log(_TRAPEZOID * tol) - math.log(2.0) + gammaln(a)
+    goal = math.log(_TRAPEZOID_FRACTION * tol) - math.log(2.0) + gammaln(a)
 
     def excess(u: float) -> float:
         return loggamma(complex(a, 2 * math.pi * u)).real - goal
@@ -215,8 +215,8 @@ def _one_kernel(
     a: float, h: float, ratio: float, tol: float
 ) -> tuple[int, int, np.ndarray, np.ndarray]:
     """Return first and last grid index, and the Gauss rule that replaces slower rates."""
-    fast = max(a, float(gammainccinv(a, _FAST * tol)))
-    while gammaincc(a, fast) > _FAST * tol:  # the inverse is inaccurate for tiny a
+    fast = max(a, float(gammainccinv(a, _FAST_CUT_FRACTION * tol)))
+    while gammaincc(a, fast) > _FAST_CUT_FRACTION * tol:  # the inverse is inaccurate for tiny a
         fast *= 1.05
     m, kappa = _slow_cut(a, h, tol)
     j_slow = math.floor(math.log(kappa / ratio) / h)
@@ -232,7 +232,7 @@ def _slow_cut(a: float, h: float, tol: float) -> tuple[int, float]:
     ``a h/(1-exp(-a h)) kappa**a/Gamma(a+1) 4 (kappa/4)**(2m)/(2m)!``. Each kappa saves log(kappa)/h
     grid rates at the cost of m nodes.
     """
-    of_mass = math.log(_SLOW * tol / 4) + math.log(-math.expm1(-a * h) / (a * h))
+    of_mass = math.log(_SLOW_CUT_FRACTION * tol / 4) + math.log(-math.expm1(-a * h) / (a * h))
     of_mass += math.lgamma(a + 1)
     log_kappa = (of_mass + _OF_SLOW_RULES) / (a + 2 * _SLOW_RULES)
     best = int(np.argmin(_SLOW_RULES - log_kappa / h))
@@ -306,16 +306,16 @@ def bank_of_all_orders(ratio: float, tol: float) -> tuple[np.ndarray, float, flo
     """
     a = np.append(1e-9, np.linspace(0.01, 1.0, 100))
     h = min(trapezoid_step(value, tol / 1.01) for value in (1e-3, 0.5, 1.0))
-    fast = max(1.0, float(gammainccinv(1.0, _FAST * tol)))
+    fast = max(1.0, float(gammainccinv(1.0, _FAST_CUT_FRACTION * tol)))
     # three nodes replace the rates up to kappa / t: they err by left * kappa**3 times the weight of
     # these rates, which is exp(mass) * kappa**a
     u = np.linspace(0.0, 1.0, 513)
-    left = np.abs(np.prod(u[:, None] - _NODES, axis=1)).max() / math.factorial(SLOW_NODES)
+    left = np.abs(np.prod(u[:, None] - _SLOW_RATE_NODES, axis=1)).max() / math.factorial(SLOW_NODES)
     mass = np.log(h) - gammaln(a) - np.log(-np.expm1(-a * h))
-    log_kappa = ((math.log(_SLOW * tol / left) - mass) / (a + SLOW_NODES)).min()
+    log_kappa = ((math.log(_SLOW_CUT_FRACTION * tol / left) - mass) / (a + SLOW_NODES)).min()
     j_slow = math.floor((log_kappa - math.log(ratio)) / h)
     grid = h * np.arange(j_slow + 1, math.ceil(math.log(fast) / h) + 1)
-    rates = np.concatenate([np.exp(grid), _NODES * math.exp(h * j_slow)])
+    rates = np.concatenate([np.exp(grid), _SLOW_RATE_NODES * math.exp(h * j_slow)])
     rates.flags.writeable = False
     return rates, h, h * j_slow
 
@@ -333,4 +333,4 @@ def weights_of_orders(a: np.ndarray, ratio: float, tol: float) -> np.ndarray:
 @lru_cache(maxsize=1)
 def weights_of_moments() -> np.ndarray:
     """Return the matrix from the moments of the slow rates to the weights of the nodes."""
-    return np.linalg.inv(np.vander(_NODES, increasing=True).T)
+    return np.linalg.inv(np.vander(_SLOW_RATE_NODES, increasing=True).T)

@@ -34,13 +34,13 @@ RATIO_OF_VALUES = 1e60
 # fraction is tried.
 _CUTS = (1e-8, 1e-10, 1e-12, 1e-14)
 # Number of equally spaced samples of a matrix pencil.
-_EVEN = 800
+_PENCIL_SAMPLES = 800
 # Place of a check point between two samples of a matrix pencil, at which its fastest oscillation
 # is not 0.
 _BETWEEN = 0.38
 # Length of the first matrix pencil over that of the second. In the first, exp(-t) cos(200 t) up to
 # t = 50 has too few samples.
-_SHORTER = 16
+_PENCIL_LENGTH_RATIO = 16
 # Fraction of the largest |K| below which a kernel has vanished. The first pencil ends at twice the
 # time from which on it has: a density of a mean of 5 is seen in runs of any length.
 _VANISHED = 1e-15
@@ -50,30 +50,30 @@ _SLOWEST = 0.02
 # tolerance. They are tried from the coarsest on.
 _SPACINGS = (0.92, 0.75, 0.6)
 # The next finer spacing is tried if the error is below this many tolerances.
-_NEAR = 300.0
+_MAX_ERROR_TO_REFINE = 300.0
 # A round adds the rates at which the gradient of the misfit exceeds this fraction of its maximum.
 _OF_GRADIENT = 0.01
 # A gradient whose maximum is below this is rounding, and all rates are added.
-_ROUNDING = 1e-14
+_MIN_GRADIENT = 1e-14
 # Most rounds of adding rates. Of 800 fits of random kernels (convergence/random_kernels.py) none
 # took more than 15.
-_ROUNDS = 20
+_MAX_ROUNDS_OF_RATES = 20
 # Rounds after which the search ends, if the error has not halved during them.
 _STALL = 8
 # A merge of neighbouring rates merges one pair at once, and one more for each multiple of this
 # number of rates.
-_AT_ONCE = 32
+_RATES_PER_MERGE = 32
 # Most iterations of one least-squares solution, in units of its columns. The fits of random kernels
 # needed 30.
-_ITERATIONS = 60
+_NNLS_MAXITER = 60
 # Most work of all least-squares solutions of a fit: the sum of rows times columns squared. It takes
 # a second.
 _WORK = 4e8
 # Fraction of its size by which the kernel of a run may rise or be negative, because of rounding.
-_SLACK = 1e-6
+_MAX_KERNEL_RISE = 1e-6
 # The kernel of a run is checked from this fraction of the end of the run on, whatever the steps
 # are.
-_CHECKED = 1e-8
+_CHECK_START_FRACTION = 1e-8
 # Tolerance of the rough fit by which the kernel of a run is checked.
 _ROUGH = 1e-3
 # Error of the rough fit from which on a kernel is refused. The error of exp(-t**2) is 0.8.
@@ -128,7 +128,7 @@ def _sampled(kernel: Any, t_min: float, t_max: float, tol: float, end: float = 0
     t = np.exp(np.linspace(0.0, math.log(ratio), max(400, n) // 2 * 2 + 1))
     t[-1] = ratio
     if end:
-        between, h = np.linspace(1.0, end, _EVEN, retstep=True)
+        between, h = np.linspace(1.0, end, _PENCIL_SAMPLES, retstep=True)
         t = np.union1d(t, between[:-1] + _BETWEEN * h)
     values = kernel(np.minimum(t * t_min, t_max))
     size = np.abs(values)
@@ -157,8 +157,8 @@ def closest_positive(
     t_min, t_max, error : float
     """
     if kernel.by_values:
-        _refuse_if_rising(kernel, _CHECKED * t_max, t_max)
-        error = _positive(kernel, _CHECKED * t_max, t_max, _ROUGH)[-1]
+        _refuse_if_rising(kernel, _CHECK_START_FRACTION * t_max, t_max)
+        error = _positive(kernel, _CHECK_START_FRACTION * t_max, t_max, _ROUGH)[-1]
         if error > _HOPELESS:
             raise ValueError(_not_monotone(f"one from which positive sums differ by {error:.1e}"))
     return _positive(kernel, t_min, t_max, tol, fading)
@@ -173,8 +173,8 @@ def _positive(kernel: Any, t_min: float, t_max: float, tol: float, fading: bool 
 
 def _refuse_if_rising(kernel: Any, t_min: float, t_max: float) -> None:
     """Refuse a kernel that is negative or grows: neither is completely monotone."""
-    samples = _sampled(kernel, t_min, t_max, _SLACK)
-    values, slack = samples.values, _SLACK * samples.size
+    samples = _sampled(kernel, t_min, t_max, _MAX_KERNEL_RISE)
+    values, slack = samples.values, _MAX_KERNEL_RISE * samples.size
     rising = np.flatnonzero(np.diff(values) > slack[1:])
     negative = np.flatnonzero(values < -slack)
     for where, what in ((negative, "negative"), (rising, "rising")):
@@ -220,7 +220,7 @@ def _positive_sum(
     candidates = _rate_grid(samples.t[-1], spacings.pop(0) * step, tol, fading)
     closest, bests, work = (np.zeros(0), np.zeros(0)), [math.inf], 0.0
     share = _OF_GRADIENT
-    for _ in range(_ROUNDS):
+    for _ in range(_MAX_ROUNDS_OF_RATES):
         rates, weights = _least_squares(fitted, candidates)
         used = weights > 0
         error = norm(samples.error(rates[used], weights[used]))
@@ -235,7 +235,7 @@ def _positive_sum(
         new = _refinement(fitted, rates, weights, share)
         if stalls or work > _WORK or new.size == 0:
             break
-        if spacings and error < _NEAR * tol:
+        if spacings and error < _MAX_ERROR_TO_REFINE * tol:
             candidates = _rate_grid(samples.t[-1], spacings.pop(0) * step, tol, fading)
         else:
             candidates, spacings = np.union1d(rates, new), []
@@ -248,7 +248,7 @@ def _least_squares(samples: Samples, rates: np.ndarray) -> tuple[np.ndarray, np.
 
     rates, table, scale = _unit_columns(samples, rates)
     try:
-        x = nnls(table, samples.values / samples.size, maxiter=_ITERATIONS * rates.size)[0]
+        x = nnls(table, samples.values / samples.size, maxiter=_NNLS_MAXITER * rates.size)[0]
     except RuntimeError:  # the iterations are used up
         x = np.zeros(rates.size)
     return rates, x / scale
@@ -292,7 +292,7 @@ def _refinement(
     new, table, _ = _unit_columns(samples, np.setdiff1d(np.append(middles, means), rates))
     gradient = -samples.error(rates, weights) @ (table / np.linalg.norm(table, axis=0))
     steepest = gradient.max(initial=0.0)
-    return new[gradient > share * steepest] if steepest > _ROUNDING else new
+    return new[gradient > share * steepest] if steepest > _MIN_GRADIENT else new
 
 
 def _merged(
@@ -312,7 +312,7 @@ def _merged(
         gaps = np.diff(np.log(np.maximum(rates, 1e-300)))
         around = np.concatenate([[np.inf], gaps, [np.inf]])
         closer = np.flatnonzero((gaps < around[:-2]) & (gaps <= around[2:]))
-        pairs = closer[np.argsort(gaps[closer])[: 1 + rates.size // _AT_ONCE]]
+        pairs = closer[np.argsort(gaps[closer])[: 1 + rates.size // _RATES_PER_MERGE]]
         group = np.arange(rates.size) - np.searchsorted(np.sort(pairs), np.arange(rates.size))
         masses = np.bincount(group, weights)
         means = np.bincount(group, weights * rates) / masses
@@ -389,7 +389,7 @@ def closest_signed(
 
 def _end_of_pencil(kernel: Any, t_min: float, t_max: float) -> float:
     """Return the end of the first pencil in units of t_min: twice the time when K has vanished."""
-    times = np.geomspace(t_min, t_max, _EVEN)[:-1]
+    times = np.geomspace(t_min, t_max, _PENCIL_SAMPLES)[:-1]
     sizes = np.abs(kernel(times))
     return min(t_max, 2.0 * times[sizes >= _VANISHED * sizes.max()][-1]) / t_min
 
@@ -405,9 +405,11 @@ def _rates_of_signed(
     kernels whose transforms have an essential singularity on the negative axis.
     """
     found = []
-    for last in (end, 1.0 + (ratio - 1.0) / _SHORTER):
-        times, h = np.linspace(1.0, last, _EVEN, retstep=True)
-        _, sizes, rows = np.linalg.svd(sliding_window_view(kernel(times * t_min), _EVEN // 2))
+    for last in (end, 1.0 + (ratio - 1.0) / _PENCIL_LENGTH_RATIO):
+        times, h = np.linspace(1.0, last, _PENCIL_SAMPLES, retstep=True)
+        _, sizes, rows = np.linalg.svd(
+            sliding_window_view(kernel(times * t_min), _PENCIL_SAMPLES // 2)
+        )
         for cut in _CUTS:
             kept = rows[: np.count_nonzero(sizes > cut * sizes[0])].T
             poles = np.linalg.eigvals(np.linalg.lstsq(kept[:-1], kept[1:], rcond=None)[0])

@@ -12,45 +12,45 @@ from ..support.checks import refuse
 from .by_values import Kernel
 
 # The hyperbola zeta = 1 + sin(i theta - 0.8), s = scale zeta / t, has nodes at theta = (k + 1/2)
-# _STEP. Its three errors (towards the cut, to the right, truncation) are below 1e-15 for every
-# scale from 6 to 12.4. Rounding grows by exp(scale (1 - sin 0.8)) <= 33.
-_STEP = 0.055
+# _HYPERBOLA_STEP. Its three errors (towards the cut, to the right, truncation) are below 1e-15 for
+# every scale from 6 to 12.4. Rounding grows by exp(scale (1 - sin 0.8)) <= 33.
+_HYPERBOLA_STEP = 0.055
 # Number of nodes of the hyperbola.
-_NODES = 54
-_THETA = 1j * (np.arange(_NODES) + 0.5) * _STEP - 0.8
+_HYPERBOLA_NODES = 54
+_THETA = 1j * (np.arange(_HYPERBOLA_NODES) + 0.5) * _HYPERBOLA_STEP - 0.8
 # Nodes zeta of the hyperbola.
 ZETA = 1 + np.sin(_THETA)
 # Weights of the nodes ZETA in the inverse transform.
-WEIGHTS = _STEP / np.pi * np.cos(_THETA)
+WEIGHTS = _HYPERBOLA_STEP / np.pi * np.cos(_THETA)
 # Scale of the hyperbola from which values are computed.
 _SCALE = 6.0
 # Scale of the second hyperbola, which checks the values of the first.
 _OTHER = 8.6
 # Largest difference of the values by both hyperbolas, relative to the mean of the kernel. Analytic
 # transforms leave 1e-13, a transform with a pole between the hyperbolas about 1.
-_DIFFERENCE = 1e-9
+_MAX_INVERSION_DIFFERENCE = 1e-9
 # Most values of one call that are checked by the second hyperbola: to check all values doubles the
 # time. A pole off the axis shows at times over a factor of 1.4, the ratio of the scales.
-_CHECKED = 400
+_MAX_VALUES_CHECKED = 400
 # Relative changes of s at which the sensitivity of a transform to rounding is measured.
-_MOVED = (1e-15, 4e-15)
+_RELATIVE_CHANGES_OF_S = (1e-15, 4e-15)
 # Largest relative change of values by rounding of s. Kernels whose transforms cancel at infinity
 # change by more before some time, and are continued by a power from there. ln((s + 10)/(s + 1/2))
 # has 1e-7 at t = 1e-8, sums of powers have 1e-14 at all times.
-_ROUNDED = 1e-7
+_MAX_CHANGE_BY_ROUNDING = 1e-7
 # Two inversions may differ by this multiple of the change by rounding.
-_OF_ROUNDING = 1e3
+_DIFFERENCE_PER_ROUNDING = 1e3
 # Times at which the change by rounding is measured.
-_LADDER = 10.0 ** np.arange(-290, 291)
+_TIMES_OF_ROUNDING = 10.0 ** np.arange(-290, 291)
 # Decimals to which the exponent of the power near 0 is computed.
-_DIGITS = 4
+_EXPONENT_DECIMALS = 4
 # Values of completely monotone kernels between a power of two and the next one are a polynomial: it
 # converges like 5.8**-n, for K is analytic and bounded to the right of each positive time.
-_DEGREE = 20
-_POINTS = np.cos(np.pi * (np.arange(_DEGREE) + 0.5) / _DEGREE)
-_OF_VALUES = np.linalg.inv(chebyshev.chebvander(_POINTS, _DEGREE - 1)).T
+_BINADE_DEGREE = 20
+_BINADE_POINTS = np.cos(np.pi * (np.arange(_BINADE_DEGREE) + 0.5) / _BINADE_DEGREE)
+_OF_VALUES = np.linalg.inv(chebyshev.chebvander(_BINADE_POINTS, _BINADE_DEGREE - 1)).T
 # Most times that are inverted at once. Complex numbers for all nodes then take 17 MB.
-_AT_ONCE = 20_000
+_MAX_TIMES_AT_ONCE = 20_000
 
 
 def inverted(transform: Callable, t: ArrayLike, scale: float = _SCALE) -> np.ndarray:
@@ -72,14 +72,14 @@ def inverted(transform: Callable, t: ArrayLike, scale: float = _SCALE) -> np.nda
     """
     t = np.asarray(t, dtype=float)
     shape, times = np.exp(scale * ZETA) * WEIGHTS, t.reshape(-1, 1)
-    parts = np.array_split(times, 1 + times.size // _AT_ONCE)
+    parts = np.array_split(times, 1 + times.size // _MAX_TIMES_AT_ONCE)
     values = [transform(scale * ZETA / part) @ shape * scale / part[:, 0] for part in parts]
     return np.concatenate(values).real.reshape(t.shape)
 
 
 def _rung(t: float | np.ndarray) -> np.ndarray | np.intp:
     """Return the index of the last time of the ladder before each t."""
-    return np.maximum(np.searchsorted(_LADDER, t, "right") - 1, 0)
+    return np.maximum(np.searchsorted(_TIMES_OF_ROUNDING, t, "right") - 1, 0)
 
 
 class LaplaceKernel(Kernel):
@@ -93,7 +93,7 @@ class LaplaceKernel(Kernel):
     ) -> None:
         self._function, self._signed = transform, signed
         self._polynomials: dict[int, np.ndarray] = {}
-        self._first, self._largest, self._rounded = 0.0, *np.zeros((2, _LADDER.size))
+        self._first, self._largest, self._rounded = 0.0, *np.zeros((2, _TIMES_OF_ROUNDING.size))
         if callable(transform):
             self._leave_out_rounding()
         super().__init__(transform, singular_exponent, signed)
@@ -101,14 +101,19 @@ class LaplaceKernel(Kernel):
     def _leave_out_rounding(self) -> None:
         """Find the time below which rounding of F hides K, which is continued there by a power."""
         with np.errstate(all="ignore"):
-            if self._rounding(_LADDER[:1])[0] < _ROUNDED:
+            if self._rounding(_TIMES_OF_ROUNDING[:1])[0] < _MAX_CHANGE_BY_ROUNDING:
                 return  # then it is at later times too
-            sizes = np.nan_to_num(self._sizes(_LADDER, inverted(self.laplace, _LADDER)))
+            sizes = np.nan_to_num(
+                self._sizes(_TIMES_OF_ROUNDING, inverted(self.laplace, _TIMES_OF_ROUNDING))
+            )
             if self._signed:  # errors count relative to the largest |K| from each time on
                 self._largest = np.maximum.accumulate(np.append(sizes[1:], 0.0)[::-1])[::-1]
-            moved = self._rounding(_LADDER)
-        exact, self._rounded = moved < _ROUNDED, np.maximum.accumulate(moved[::-1])[::-1]
-        self._first = float(_LADDER[np.argmax(exact)]) if exact.any() else 0.0
+            moved = self._rounding(_TIMES_OF_ROUNDING)
+        exact, self._rounded = (
+            moved < _MAX_CHANGE_BY_ROUNDING,
+            np.maximum.accumulate(moved[::-1])[::-1],
+        )
+        self._first = float(_TIMES_OF_ROUNDING[np.argmax(exact)]) if exact.any() else 0.0
 
     def _sizes(self, t: np.ndarray, values: np.ndarray) -> np.ndarray:
         """Return the sizes that errors at times t are relative to."""
@@ -118,7 +123,10 @@ class LaplaceKernel(Kernel):
     def _rounding(self, t: np.ndarray) -> np.ndarray:
         """Return the change of values at times t, relative to their size, by rounding of s."""
         values = inverted(self.laplace, t)
-        moved = [inverted(lambda s, by=by: self.laplace(s * (1 + by)), t) for by in _MOVED]
+        moved = [
+            inverted(lambda s, by=by: self.laplace(s * (1 + by)), t)
+            for by in _RELATIVE_CHANGES_OF_S
+        ]
         difference = np.abs(np.array(moved) - values).max(axis=0)
         return np.nan_to_num(difference / self._sizes(t, values), nan=np.inf)
 
@@ -129,8 +137,10 @@ class LaplaceKernel(Kernel):
         with np.errstate(all="ignore"):  # of kernels that are refused for their exponent
             early = np.abs(self._inverted(self._first * np.array([1.0, 2.0])))
             # the early values of a signed kernel may be rounding relative to its later values
-            early = np.maximum(early, _ROUNDED * self._largest[_rung(self._first)])
-            return max(0.0, round(float(np.nan_to_num(np.log2(early[0] / early[1]))), _DIGITS))
+            early = np.maximum(early, _MAX_CHANGE_BY_ROUNDING * self._largest[_rung(self._first)])
+            return max(
+                0.0, round(float(np.nan_to_num(np.log2(early[0] / early[1]))), _EXPONENT_DECIMALS)
+            )
 
     def _at(self, t: np.ndarray) -> np.ndarray:
         """Return values at times of shape (n,), by polynomials unless K is signed."""
@@ -144,20 +154,24 @@ class LaplaceKernel(Kernel):
         used, places = np.unique(exponents, return_inverse=True)
         new = [e for e in used.tolist() if e not in self._polynomials]
         if new:
-            times = np.ldexp((_POINTS + 3) / 4, np.reshape(new, (-1, 1)))
+            times = np.ldexp((_BINADE_POINTS + 3) / 4, np.reshape(new, (-1, 1)))
             values = self._inverted(times.ravel()).reshape(times.shape)
             self._polynomials |= dict(zip(new, values @ _OF_VALUES, strict=True))
-        series = np.reshape([self._polynomials[e] for e in used.tolist()], (-1, _DEGREE))
+        series = np.reshape([self._polynomials[e] for e in used.tolist()], (-1, _BINADE_DEGREE))
         return chebyshev.chebval(4 * fractions - 3, series[places].T, tensor=False)
 
     def _inverted(self, t: np.ndarray) -> np.ndarray:
         """Return values at times of shape (n,), and check some of them by a second inversion."""
-        values, some = inverted(self.laplace, t), slice(None, None, 1 + t.size // _CHECKED)
+        values = inverted(self.laplace, t)
+        some = slice(None, None, 1 + t.size // _MAX_VALUES_CHECKED)
         times, seen = t[some], values[some]
         difference = np.abs(inverted(self.laplace, times, _OTHER) - seen)
         difference = np.nan_to_num(difference / self._sizes(times, seen))
         worst = int(np.argmax(difference)) if times.size else 0
-        if np.any(difference > _DIFFERENCE + _OF_ROUNDING * self._rounded[_rung(times)]):
+        if np.any(
+            difference
+            > _MAX_INVERSION_DIFFERENCE + _DIFFERENCE_PER_ROUNDING * self._rounded[_rung(times)]
+        ):
             required = "be analytic off the negative real axis"
             got = f"inversions that differ by {difference[worst]:.1e} at t = {times[worst]:g}"
             remedy = "a pole elsewhere is a pair of rates of hereditary.Prony"

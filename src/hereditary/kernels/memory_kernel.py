@@ -19,16 +19,16 @@ from .kernel_fits import closest_positive, in_pairs
 from .special import mean_exponential
 
 # Between check points the error of a fit is at most this multiple of the largest error at them.
-_MISSED = 1.05
+_ERROR_BETWEEN_CHECKS = 1.05
 # Least tolerance of kernel fits on given steps, whose schemes have larger errors.
 _ON_GIVEN_STEPS = 1e-6
 # Largest misfit of a table that counts as noise: 3 % of noise leave it at a thousand data.
-_NOISE = 0.1
+_MAX_TABLE_NOISE = 0.1
 _ADVICE = "allow for that, or use Direct or FFT, which take kernels as they are"
 
 # Slowest rate in fits of named kernels, in units of 1 / t_max. Slower modes differ from a constant
 # by rounding alone.
-_BEYOND = 1e-14
+_SLOWEST_RATE = 1e-14
 
 
 class KernelWarning(UserWarning):
@@ -105,7 +105,7 @@ class MemoryKernel(ABC):
         if self.by_values:
             return fit
         # no named kernel has a constant part, so a rate of 0 is replaced by the slowest rate
-        return replace(fit, rates=np.maximum(fit.rates, _BEYOND / t_max))
+        return replace(fit, rates=np.maximum(fit.rates, _SLOWEST_RATE / t_max))
 
     def __mul__(self, factor: float) -> ScaledKernel:
         return _scaled(_not_zero("factor", factor), self)
@@ -355,12 +355,12 @@ class KernelErrors(NamedTuple):
     @property
     def reported(self) -> float:
         """The largest error, raised by what check points may have missed."""
-        return _MISSED * max(self)
+        return _ERROR_BETWEEN_CHECKS * max(self)
 
     @property
     def noise(self) -> float:
         """The largest error of measured kernels if it may be noise, otherwise 0."""
-        return self.measured if self.measured <= _NOISE else 0.0
+        return self.measured if self.measured <= _MAX_TABLE_NOISE else 0.0
 
     def misfit(self, tol: float) -> str:
         """Say by how much kernels miss the tolerance of a run; empty if they keep it.

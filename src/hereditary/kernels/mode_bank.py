@@ -14,7 +14,7 @@ import numpy as np
 
 # Least logarithm of a factor, 1e-261. Numbers that underflow take ten times as long, and products
 # with subnormal ones a hundred times.
-_LEAST = -600.0
+_MIN_LOG_FACTOR = -600.0
 
 
 class Bank(NamedTuple):
@@ -80,7 +80,7 @@ class Bank(NamedTuple):
 def damping(rates: np.ndarray, times: np.ndarray) -> np.ndarray:
     """Return ``exp(-rate * time)``, shape (n_rates, n_times), not below 1e-261 in size."""
     logs = np.multiply.outer(-rates.real, times)
-    damped = np.exp(np.maximum(logs, _LEAST, out=logs), out=logs)
+    damped = np.exp(np.maximum(logs, _MIN_LOG_FACTOR, out=logs), out=logs)
     if rates.dtype.kind != "c":
         return damped
     return damped * np.exp(-1j * np.multiply.outer(rates.imag, times))

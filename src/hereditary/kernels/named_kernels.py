@@ -27,7 +27,7 @@ _SIGMAS = 0.05, 5.0
 # Range of the shapes of Weibull densities.
 _SHAPES = 0.1, 20.0
 # Smallest time at which the logarithm of time is taken.
-_TINY = 1e-300
+_MIN_TIME_OF_LOG = 1e-300
 # Step of the trapezoid rule for Cole-Cole relaxation, in units of the order: 0.26 leaves 1e-15, 0.3
 # leaves 1e-13.
 _SPECTRUM_STEP = 0.23
@@ -264,13 +264,13 @@ class LognormalDensity(MemoryKernel):
 
     def __call__(self, t: ArrayLike) -> np.ndarray:
         """Return the kernel values, the shape of `t`."""
-        logs = np.log(np.maximum(np.asarray(t, dtype=float), _TINY))
+        logs = np.log(np.maximum(np.asarray(t, dtype=float), _MIN_TIME_OF_LOG))
         exponents = -(((logs - self.mu) / self.sigma) ** 2) / 2 - logs
         return np.exp(exponents) / (self.sigma * math.sqrt(2 * math.pi))
 
     def integral(self, t: ArrayLike) -> np.ndarray:
         """Return ``int_0^t K``, the distribution function."""
-        logs = np.log(np.maximum(np.asarray(t, dtype=float), _TINY))
+        logs = np.log(np.maximum(np.asarray(t, dtype=float), _MIN_TIME_OF_LOG))
         return ndtr((logs - self.mu) / self.sigma)
 
     def _closest(self, t_min: float, t_max: float, tol: float, fading: bool) -> ExponentialSum:

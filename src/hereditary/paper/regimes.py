@@ -35,11 +35,11 @@ _WINDOWS = (1.0, 0.75, 0.5)
 # the longest.
 _STAYS = 4
 # Points of the orbit in one period of the wells.
-_LOOKS = 64
+_POINTS_PER_PERIOD = 64
 # Fewest points of a run.
-_FEWEST = 512
+_MIN_ORBIT_POINTS = 512
 # Most points of a run.
-_MOST = 65_536
+_MAX_ORBIT_POINTS = 65_536
 # Statuses of a run whose regime is not judged: all but completed runs and those that the user
 # stopped.
 _CUT_SHORT = frozenset(Status) - {
@@ -229,7 +229,13 @@ class _Orbit:
 
     def __init__(self, solution: Solution, period: float, spacing: float, begin: float) -> None:
         self._period, self._pulled = period, math.isfinite(period)
-        n = int(np.clip(_LOOKS * (solution.t[-1] - begin) / period, _FEWEST, _MOST))
+        n = int(
+            np.clip(
+                _POINTS_PER_PERIOD * (solution.t[-1] - begin) / period,
+                _MIN_ORBIT_POINTS,
+                _MAX_ORBIT_POINTS,
+            )
+        )
         self._t = np.linspace(begin, solution.t[-1], n + 1)
         x = values_at(solution, self._t)[:, 0]
         self._well = np.floor(x / spacing)

@@ -38,7 +38,7 @@ _INTERVAL = 200
 # Fraction of a record, its end, from which slopes are computed; as in `lyapunov`.
 _WINDOW = 0.5
 # Number of blocks of that part, for the standard error.
-_BLOCKS = 20
+_BLOCKS_PER_WINDOW = 20
 
 
 def wells_period(spring_speed: float = 1.0, omega: float = 1.0, **others: Any) -> float:
@@ -67,7 +67,11 @@ def exponents(*, horizons: Sequence[float], h: float, **parameters: Any) -> dict
     for n in steps:
         reached = run.times <= h * (n + 0.5)
         late = assess(
-            run.times[reached], run.log_growth[reached], _WINDOW, _BLOCKS, memory(equation.system)
+            run.times[reached],
+            run.log_growth[reached],
+            _WINDOW,
+            _BLOCKS_PER_WINDOW,
+            memory(equation.system),
         )
         rates = run.trace[reached, 0]
         found["exponent"].append(float(rates[-1]) if rates.size else math.nan)

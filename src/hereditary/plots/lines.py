@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from ..solver.solution import Solution
 
 # Points of a drawn response curve between two of its values.
-_FINE = 20
+_POINTS_BETWEEN_VALUES = 20
 
 
 def oscillogram(
@@ -290,7 +290,7 @@ def _joined(response: Any, component: Any) -> Any:
     steps = np.linalg.norm(np.diff(places / np.where(sizes > 0, sizes, 1.0), axis=0), axis=1)
     s = np.append(0.0, np.cumsum(steps))
     n = np.arange(len(s))
-    fine = np.interp(np.linspace(0, n[-1], _FINE * n[-1] + 1), n, s)
+    fine = np.interp(np.linspace(0, n[-1], _POINTS_BETWEEN_VALUES * n[-1] + 1), n, s)
     values, real, imag = CubicSpline(s, places)(fine).T
     return values, real + 1j * imag, np.rint(np.interp(fine, s, response.branch))
 

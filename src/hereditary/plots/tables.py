@@ -37,7 +37,7 @@ COLOURS = {
 # Opacity of a regime without certainty, whose colour must still be visible.
 _PALEST = 0.12
 # Number of points from which on a table is drawn as an image.
-_MANY = 2000
+_MAX_POINTS_AS_VECTORS = 2000
 
 
 def lyapunov_spectrum(
@@ -123,7 +123,7 @@ def bifurcation(
         y = np.asarray(table[value], dtype=float).reshape(x.size, -1)
         places, samples = np.repeat(x, y.shape[1]), y.ravel()
         shown = np.isfinite(samples) & np.repeat(table.success, y.shape[1])
-        many = int(shown.sum()) > _MANY
+        many = int(shown.sum()) > _MAX_POINTS_AS_VECTORS
         own = {"ls": "", "marker": "o", "ms": 1.2 if many else 2, "mew": 0, "rasterized": many}
         ax.plot(places[shown], samples[shown], **style(own, points))
         _cross_out(ax, x[~table.success])

@@ -23,7 +23,7 @@ from .linear import oscillator_terms
 from .stick_slip import checked_well, over_sine, slope_of_wells
 
 # Default length of the interval from which the initial positions of blocks are taken.
-_SPREAD = 0.4
+_START_INTERVAL = 0.4
 # Inverse of the golden ratio: the shift of the initial position from block to block, modulo 1.
 _GOLDEN = 0.6180339887498949
 
@@ -110,7 +110,7 @@ def stick_slip_chain(
     """
     blocks = count("blocks", blocks)
     if x0 is None:
-        x0 = _SPREAD * (np.arange(blocks) * _GOLDEN % 1.0)
+        x0 = _START_INTERVAL * (np.arange(blocks) * _GOLDEN % 1.0)
     params = (
         real("omega", omega) ** 2,
         real("spring_speed", spring_speed),

@@ -26,7 +26,7 @@ PRINTED_WELL = (0.436, 0.344, 0.164, 0.058, 0.021, 0.004, 0.003)
 # A stay between two barriers counts as sticking when it lasts longer than this [time].
 _SHORTEST_STAY = 3.0
 # Points of each step at which dense output is evaluated to find stays.
-_LOOKS = 8
+_POINTS_PER_STEP_FOR_STAYS = 8
 
 
 @inner
@@ -235,7 +235,7 @@ def _sampled(
             return float(t[i] + (level - x[i]) * (t[i + 1] - t[i]) / (x[i + 1] - x[i]))
 
         return t, x, between_rows
-    share = np.arange(_LOOKS) / _LOOKS
+    share = np.arange(_POINTS_PER_STEP_FOR_STAYS) / _POINTS_PER_STEP_FOR_STAYS
     times = np.append((t[:-1, None] + np.diff(t)[:, None] * share).ravel(), t[-1])
     places = solution(times)[:, 0]
 

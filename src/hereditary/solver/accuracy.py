@@ -34,28 +34,28 @@ from .solution import Solution
 # users ask for, unknown.
 _RTOL = 1e-4
 # Default tolerance of the accurate run of `check`, for runs on given steps.
-_CLOSE = 1e-6
+_CHECK_RTOL = 1e-6
 # A run by a tolerance is checked with this fraction of the tolerance.
 _TIGHTER = 1e-2
 # Number of steps that every accurate run of an estimate may take.
-_FEWEST = 200
+_MIN_STEPS_ALLOWED = 200
 # Steps of a run for each step of the accurate run: with fewer a run is hardly resolved. 31 of 500
 # random problems had fewer, and half of them erred by more than 13 % (convergence/estimates.py).
-_RESOLVED = 4
+_STEPS_PER_ACCURATE_STEP = 4
 # Least seconds after which the accurate run of an estimate is given up: 1,000 to 2,000 steps of one
 # component.
-_SECONDS = 0.05
+_MIN_SECONDS_ALLOWED = 0.05
 # Seconds of an accurate run of d components without a structure, over d**3: 1.5e-9 for d = 400 and
 # seven steps.
 _FACTORED = 2e-9
 # Number of first rows that are compared: solutions that start like t**alpha err most in them.
-_FIRST = 100
+_FIRST_ROWS_COMPARED = 100
 # Number of rows, spread evenly over the run, that are compared: 1.3 ms for one component.
-_SPREAD = 2000
+_SPREAD_ROWS_COMPARED = 2000
 # Least size of a component, as a fraction of the largest one, as in tolerances of `solve`.
-_SMALL = 1e-6
+_MIN_COMPONENT_SIZE = 1e-6
 # Largest error without a warning, as fraction of the solution's size.
-_LARGE = 0.05
+_MAX_ERROR_WITHOUT_WARNING = 0.05
 # Difference from which two runs are as different as unrelated ones, as fraction of the size.
 _UNRELATED = 0.5
 _ACCURATE = "a run to rtol=1e-4"
@@ -63,7 +63,7 @@ _LONGER = f"{_ACCURATE} takes longer than this run; check() makes it"
 _MORE = f"{_ACCURATE} takes more than"
 _LEFT_OUT = "estimate=False leaves this estimate out"
 # Number of components that the table of an `Accuracy` shows.
-_SHOWN = 20
+_MAX_COMPONENTS_SHOWN = 20
 _HEADS = "component", "largest", "at t", "at the end"
 
 _off = ThreadSwitch()
@@ -126,7 +126,7 @@ class Accuracy:
     def _cells(self) -> list[list[str]]:
         when = self.t[np.argmax(self.relative, axis=0)]
         values = list(zip(self.largest, when, self.at_end, strict=True))
-        chosen = np.sort(np.argsort(-self.largest, kind="stable")[:_SHOWN])
+        chosen = np.sort(np.argsort(-self.largest, kind="stable")[:_MAX_COMPONENTS_SHOWN])
         return [
             [str(c), f"{values[c][0]:.1e}", f"{values[c][1]:.4g}", f"{values[c][2]:.1e}"]
             for c in chosen
@@ -134,7 +134,11 @@ class Accuracy:
 
     def _sentence(self) -> str:
         (t, c), n = self.worst, self.size.size
-        left_out = f"; the {_SHOWN} largest of {n} components" if n > _SHOWN else ""
+        left_out = (
+            f"; the {_MAX_COMPONENTS_SHOWN} largest of {n} components"
+            if n > _MAX_COMPONENTS_SHOWN
+            else ""
+        )
         largest = (
             f"largest error {self.largest[c]:.1e} of the size of component {c}, at t = {t:.4g}"
         )
@@ -185,7 +189,7 @@ class Provenance:
         if not solution.success:
             return _with_no_estimate(solution, "the run has no success, as its message says")
         n = self._steps(solution)
-        most = max(_FEWEST, n // _RESOLVED)
+        most = max(_MIN_STEPS_ALLOWED, n // _STEPS_PER_ACCURATE_STEP)
         found = self._accurate_or_why(solution, most)
         if isinstance(found, str):
             return _with_no_estimate(solution, found)
@@ -215,7 +219,7 @@ class Provenance:
         if self.resume is not None and self.resume.accurate is None:
             return "the run that this one resumes has no estimate"
         seconds = solution.stats["setup_seconds"] + solution.stats["run_seconds"]
-        seconds, system = max(_SECONDS, seconds), self.problem.system
+        seconds, system = max(_MIN_SECONDS_ALLOWED, seconds), self.problem.system
         if system.structure is None and _FACTORED * system.d**3 > seconds:
             return _LONGER
         late = _Patience(seconds)
@@ -266,7 +270,7 @@ class Provenance:
             nodes = self.scheme.nodes
             scheme = Collocation(nodes + 2 if nodes <= 10 else nodes - 2)
             atol = None if own.atol is None else np.asarray(own.atol) * rtol / own.rtol
-        rtol = rtol or _CLOSE
+        rtol = rtol or _CHECK_RTOL
         with silence():
             found = self._accurate(solution, scheme, rtol=rtol, atol=atol)
         if not found.solution.success:
@@ -301,7 +305,7 @@ class Provenance:
         apart, size = y - other.y, self._sizes(solution, found)
         if not size.any():
             size = np.abs(y).max(axis=0, initial=0.0)
-        size = np.maximum(size, _SMALL * size.max())
+        size = np.maximum(size, _MIN_COMPONENT_SIZE * size.max())
         same = self._outside_jumps(other.t, found.jumps) if found.jumps.size else slice(None)
         return Accuracy(other.t[same], apart[same], size, rtol, other.stats["n_steps"])
 
@@ -376,7 +380,7 @@ def _warn(accuracy: Accuracy, steps: str, unknown: str) -> None:
             "or it is chaotic, which it is if runs to rtol=1e-6 and rtol=1e-8 differ as much; "
             f"{errors}"
         )
-    elif largest > _LARGE:
+    elif largest > _MAX_ERROR_WITHOUT_WARNING:
         text = f"{errors}, with {steps}"
     else:
         return
@@ -385,9 +389,11 @@ def _warn(accuracy: Accuracy, steps: str, unknown: str) -> None:
 
 def _rows(n: int) -> np.ndarray:
     """Return the numbers of the rows to compare, of n rows."""
-    if n <= _SPREAD:
+    if n <= _SPREAD_ROWS_COMPARED:
         return np.arange(n)
-    return np.union1d(np.arange(_FIRST), np.linspace(0, n - 1, _SPREAD).astype(int))
+    return np.union1d(
+        np.arange(_FIRST_ROWS_COMPARED), np.linspace(0, n - 1, _SPREAD_ROWS_COMPARED).astype(int)
+    )
 
 
 def _changes(event: Any) -> bool:

@@ -28,36 +28,36 @@ from .events import bracketed_root
 from .piecewise import LEAST_SIZE, FitTolerance, Piecewise, piecewise, to_polynomials
 
 # Points in [-1, 1], the interval of a polynomial, at which it is compared with the solution.
-_LOOKS = np.array([-0.95, -0.4, 0.15, 0.8])
-_AT_LOOKS = chebvander(_LOOKS, N_COEFFICIENTS - 1)
+_COMPARISON_POINTS = np.array([-0.95, -0.4, 0.15, 0.8])
+_AT_COMPARISON_POINTS = chebvander(_COMPARISON_POINTS, N_COEFFICIENTS - 1)
 # Largest difference there, as a fraction of the largest value of the component.
-_ROUNDING = 1e-13
+_TABLE_ROUNDING = 1e-13
 # An interval is halved again if the last halving multiplied the difference by less than this. Next
 # to a start the solution is no polynomial, and halving does not help against rounding.
 _FALLS = 0.95
 # Exponents of t from which on a kink is no break: for each decimal digit of rtol, and at least.
 # With half of them D^0.6 y = -y(t - 1) from 201 data errs by 1e-3 of rtol instead of 1e-5.
-_SMOOTH_BY_DIGIT = 0.75
-_SMOOTH = 3.0
+_SMOOTH_EXPONENT_PER_DIGIT = 0.75
+_MIN_SMOOTH_EXPONENT = 3.0
 # Most kinks of a run: several delays have many sums.
 _MOST_KINKS = 10_000
 # Times whose relative difference is below this count as equal.
 _ALIKE = 1e-12
 # Samples of a past; of a delay that varies over the run at least, for each delay, and at most.
-_SAMPLES = 1000
+_MIN_PAST_SAMPLES = 1000
 _FOR_EACH = 20
-_MOST_SAMPLES = 50_000
+_MAX_PAST_SAMPLES = 50_000
 # Times at which a past is called twice: one that is random has no table, and takes minutes.
 _AGAIN = 4
 # Difference of a past from its table, as a fraction of rtol.
 _OF_RTOL = 1e-4
 # The same on given steps, and the least with a tolerance: a fraction of the size of a component.
 _ON_STEPS = 1e-10
-_LEAST = 1e-13
+_MIN_PAST_TOL = 1e-13
 # Least delay that varies, as a fraction of the run.
 _LEAST_DELAY = 1e-9
 # Steps of a search for the least delay.
-_HALVINGS = 80
+_HALVINGS_TO_LEAST_DELAY = 80
 # Points, in units of 1 and of the components, at which algebraic rows are asked what they read.
 _ASKED = (0.0, 0.37, -0.61)
 
@@ -113,8 +113,10 @@ class DelayedStepper(ResumableStepper, JumpingStepper):
         self._error: Exception | None = None
         self._until = inner.t  # time up to which the tables hold
         self._gain = _gain(self.system, delays)
-        self._smooth = max(_SMOOTH, -_SMOOTH_BY_DIGIT * np.log10(rtol or 1.0))
-        tol = _ON_STEPS if rtol is None else max(_OF_RTOL * rtol, _LEAST)
+        self._smooth = max(
+            _MIN_SMOOTH_EXPONENT, -_SMOOTH_EXPONENT_PER_DIGIT * np.log10(rtol or 1.0)
+        )
+        tol = _ON_STEPS if rtol is None else max(_OF_RTOL * rtol, _MIN_PAST_TOL)
         self._bends = [self._corners_of(delay, tol) for delay in delays]
         self._pasts = [self._past_of(delay, tol) for delay in delays]
         self._roots = self._first_roots()
@@ -138,7 +140,7 @@ class DelayedStepper(ResumableStepper, JumpingStepper):
             return seen[-1][1][:, None]
 
         first = float(delay.taus(np.array([start]))[0])
-        many = np.clip(_FOR_EACH * (end - start) / first, _SAMPLES, _MOST_SAMPLES)
+        many = np.clip(_FOR_EACH * (end - start) / first, _MIN_PAST_SAMPLES, _MAX_PAST_SAMPLES)
         found = piecewise(tau, start, end, int(many), self._fit_tolerance(tol, start, end))
         times, taus = (np.concatenate(part) for part in zip(*seen, strict=True))
         times, order = np.unique(times, return_index=True)
@@ -167,7 +169,9 @@ class DelayedStepper(ResumableStepper, JumpingStepper):
         if not np.array_equal(delay.before(some), delay.before(some)):
             remedy = "interpolate values that are drawn once, by numpy.interp"
             refuse("past", "return equal values at equal times", "others in a second call", remedy)
-        found = piecewise(delay.before, first, 0.0, _SAMPLES, self._fit_tolerance(tol, first, 0.0))
+        found = piecewise(
+            delay.before, first, 0.0, _MIN_PAST_SAMPLES, self._fit_tolerance(tol, first, 0.0)
+        )
         if found.missed:
             warn(
                 f"the past of a delay varies too fast: at t = {found.where + self._origin:g} it is "
@@ -293,7 +297,7 @@ class DelayedStepper(ResumableStepper, JumpingStepper):
         last = np.full(low.size, np.inf)  # the difference before an interval was halved
         while True:
             middle, half = 0.5 * (low + high)[:, None], 0.5 * (high - low)[:, None]
-            points = np.concatenate([NODES, _LOOKS])
+            points = np.concatenate([NODES, _COMPARISON_POINTS])
             read = np.repeat(inside, points.size)
             ago, which = delay.ago((middle + half * points).ravel()), np.searchsorted(ends, read)
             ago = np.minimum(np.maximum(ago, ends[which - 1]), ends[which])
@@ -301,11 +305,11 @@ class DelayedStepper(ResumableStepper, JumpingStepper):
             values = values.reshape(low.size, points.size, -1)
             polynomials = to_polynomials(values[:, : NODES.size], rest)
             seen = np.moveaxis(values[:, NODES.size :], 1, 2)
-            missed = np.abs(polynomials @ _AT_LOOKS.T - seen).max(axis=2)
+            missed = np.abs(polynomials @ _AT_COMPARISON_POINTS.T - seen).max(axis=2)
             if np.isinf(last[0]):
                 sizes = np.maximum(np.abs(values).max(axis=(0, 1)), LEAST_SIZE)
             missed = (missed / sizes).max(axis=1)
-            rough = (missed > _ROUNDING) & (missed < _FALLS * last)
+            rough = (missed > _TABLE_ROUNDING) & (missed < _FALLS * last)
             rough &= high - low > 64 * np.spacing(high)
             found += zip(low[~rough], polynomials[~rough], strict=True)
             if not rough.any():
@@ -527,7 +531,7 @@ def _check_least(delay: Delayed, times: np.ndarray, taus: np.ndarray, span: floa
     if taus[k] > max(taus[before], taus[after]) - taus[k]:
         return
     low, high = times[before], times[after]
-    for _ in range(_HALVINGS):
+    for _ in range(_HALVINGS_TO_LEAST_DELAY):
         thirds = low + (high - low) * np.array([1 / 3, 2 / 3])
         near = delay.taus(thirds)
         low, high = (low, thirds[1]) if near[0] < near[1] else (thirds[0], high)

@@ -18,7 +18,7 @@ TINY = 5e-324
 # Number of points of each step of `Collocation`, besides its end, at which event functions are
 # evaluated. For the event sin 5t in a run of D^0.5 y = -y, rtol 1e-4, 8 points find 159 of 159
 # zeros in 96 ms, and 1 point finds 37 in 34 ms.
-_LOOKS = 8
+_EVENT_CHECKS_PER_STEP = 8
 # Width of a bracket, relative to the larger bound, at which the search for a zero ends.
 _LEAST_BRACKET = 2.0**-60
 
@@ -63,7 +63,7 @@ class Events:
         n_events: int | None = None,
     ) -> None:
         self._functions, self._counted = list(functions), stepper.counted
-        self._looks = 1 if stepper.counted else _LOOKS
+        self._looks = 1 if stepper.counted else _EVENT_CHECKS_PER_STEP
         self.n_events = len(self._functions) if n_events is None else n_events
         self._limits = [_limit(function) for function in self._functions]
         self.times: list[list[float]] = [[] for _ in self._functions]

@@ -34,16 +34,17 @@ from .run import Drive
 
 # Changes by one event accumulate without end if two consecutive intervals are shorter than this
 # fraction of the longest interval.
-_CLOSE = 1e-6
+_ACCUMULATION_RATIO = 1e-6
 # Changes also accumulate if a single interval is shorter than this fraction of the longest.
-_AT_ONCE = 1e-9
+_SINGLE_ACCUMULATION_RATIO = 1e-9
 # On given steps changes also accumulate if two intervals have one step each, and the longest more
 # steps than this.
-_STEPS = 100
-# Changes also accumulate if this many of them are within the fraction _CROWDED of the run.
-_MANY = 10_000
-# Fraction of the run in which _MANY changes are too many.
-_CROWDED = 1e-3
+_ACCUMULATION_STEPS = 100
+# Changes also accumulate if this many of them are within the fraction _ACCUMULATION_FRACTION of the
+# run.
+_ACCUMULATION_CHANGES = 10_000
+# Fraction of the run in which _ACCUMULATION_CHANGES changes are too many.
+_ACCUMULATION_FRACTION = 1e-3
 # Least length of the longest interval, as a fraction of the run.
 _LONG = 0.03
 
@@ -56,7 +57,7 @@ _RETURN = 1e-6
 # A solution that returns within this fraction of the time returns at once as well.
 _RETURN_TIME = 1e-12
 # Values of an event function below this fraction of its largest value over a step may be rounding.
-_HIDDEN = 1e-13
+_ROUNDING_OF_EVENTS = 1e-13
 # Values of an event function up to this fraction of its largest value may be the error of the
 # located time.
 _MISPLACED = 1e-2
@@ -204,10 +205,15 @@ class Hybrid:
             return False
         last, before = t - first, first - times[-3]
         h, size = self._events.step, max(longest, _LONG * self._span)
-        close = max(_CLOSE * size, 1.5 * h if longest > _STEPS * h > 0.0 else 0.0)
-        if len(times) > _MANY and t - times.pop(0) <= _CROWDED * self._span:
+        close = max(
+            _ACCUMULATION_RATIO * size, 1.5 * h if longest > _ACCUMULATION_STEPS * h > 0.0 else 0.0
+        )
+        if (
+            len(times) > _ACCUMULATION_CHANGES
+            and t - times.pop(0) <= _ACCUMULATION_FRACTION * self._span
+        ):
             return True
-        return last <= _AT_ONCE * size or max(last, before) <= close
+        return last <= _SINGLE_ACCUMULATION_RATIO * size or max(last, before) <= close
 
     def _change(self, change: Any) -> Ending | None:
         """Set y to the value of ``change(t, y)``; return the `Ending` if that fails."""
@@ -512,7 +518,7 @@ class Way:
         """
         scale = np.nanmax(np.abs(values))
         error = min(2 * self._error, _MISPLACED * scale) if self.sign else 0.0
-        hidden = np.abs(values) <= max(_HIDDEN * scale, error)
+        hidden = np.abs(values) <= max(_ROUNDING_OF_EVENTS * scale, error)
         if not hidden[1] or hidden.all():
             return False
         clear = np.argmin(hidden[1:]) + 1

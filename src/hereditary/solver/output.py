@@ -20,7 +20,7 @@ from .events import Events
 # Number of rows that are allocated at first if the number of steps is unknown.
 _SOME = 512
 # Relative distance up to which a time of `t_eval` counts as the end of a step: both are rounded.
-_SLACK = 8 * np.finfo(float).eps
+_STEP_END_RTOL = 8 * np.finfo(float).eps
 
 
 class Kept(NamedTuple):
@@ -154,7 +154,7 @@ class Output:
 
     def _take_wanted(self, piece: Piece) -> None:
         """Add the rows at those times of the user that the steps have reached."""
-        last = self.end if self.ended else self.end * (1 + _SLACK)
+        last = self.end if self.ended else self.end * (1 + _STEP_END_RTOL)
         at_end = self._stepper.position == self._stop and not self.ended
         if self.events.interrupted:  # rows at the event's time follow it
             last = self.end - self._near(self.end)

@@ -16,19 +16,19 @@ from ..equation.delay import N_COEFFICIENTS, NODES, TO_COEFFICIENTS
 
 # Points in [-1, 1], the interval of a polynomial, at which it is compared with the function. Those
 # next to the ends see jumps and corners outside of the nodes: without them 5 % are missed.
-_LOOKS = np.array([-1 + 1e-6, -0.4, 0.15, 0.8, 1 - 1e-6])
-_POINTS = np.concatenate([NODES, _LOOKS])
-_AT_LOOKS = chebvander(_LOOKS, N_COEFFICIENTS - 1)
+_CHECK_POINTS = np.array([-1 + 1e-6, -0.4, 0.15, 0.8, 1 - 1e-6])
+_FIT_POINTS = np.concatenate([NODES, _CHECK_POINTS])
+_AT_CHECK_POINTS = chebvander(_CHECK_POINTS, N_COEFFICIENTS - 1)
 # Fraction at which intervals are cut. No jump at a decimal or binary fraction coincides with a cut.
 _CUT = 0.4936170361
 # Intervals shorter than this fraction of the distance of samples show a jump or a corner.
-_SHORT = 1 / 64
+_MAX_JUMP_INTERVAL = 1 / 64
 # Fraction of the width of a bracket by which its corner moves when the polynomials are better.
 _NEARER = 0.1
 # Largest number of intervals of a function, and of its jumps and corners.
 _MOST_INTERVALS = 50_000
 # Largest number of halvings that locate a jump: the bits of a float.
-_HALVINGS = 60
+_HALVINGS_TO_JUMP = 60
 # Relative difference of values up to which they are a constant with rounding errors.
 _RESTS = 8 * np.finfo(float).eps
 # Least size of a component, so that one that is 0 everywhere can be divided by its size.
@@ -108,7 +108,7 @@ def piecewise(
     times = low + spacing * (np.arange(n_samples) + 0.5)
     samples, ends = (times, function(times)), np.array([low, high])
     fit = _fitted(function, ends, samples, tolerance)
-    which = _brackets(fit, _SHORT * spacing) if fit.complete else np.zeros(0, np.int64)
+    which = _brackets(fit, _MAX_JUMP_INTERVAL * spacing) if fit.complete else np.zeros(0, np.int64)
     kinks, exponents = np.zeros(0), np.zeros(0)
     if which.size:
         a, b = fit.low[which], fit.high[which]
@@ -136,16 +136,16 @@ def _fitted(
 ) -> _Fit:
     """Return polynomials between edges; intervals are cut where a polynomial is not accurate."""
     (times, known), tol, span = samples, tolerance.tol, edges[-1] - edges[0]
-    short = _SHORT * span / times.size
+    short = _MAX_JUMP_INTERVAL * span / times.size
     sizes = np.maximum(np.abs(known).max(axis=0), LEAST_SIZE)
     low, high, complete = edges[:-1], edges[1:], True
     found: list[tuple[np.ndarray, ...]] = []
     while low.size:
         middle, half = 0.5 * (low + high)[:, None], 0.5 * (high - low)[:, None]
-        values = function((middle + half * _POINTS).ravel())
-        values = values.reshape(low.size, _POINTS.size, -1)
+        values = function((middle + half * _FIT_POINTS).ravel())
+        values = values.reshape(low.size, _FIT_POINTS.size, -1)
         polynomials = to_polynomials(values[:, : NODES.size], known[0])
-        missed = np.abs(_AT_LOOKS @ np.moveaxis(polynomials, 1, 2) - values[:, NODES.size :])
+        missed = np.abs(_AT_CHECK_POINTS @ np.moveaxis(polynomials, 1, 2) - values[:, NODES.size :])
         missed = (missed.max(axis=1) / sizes).max(axis=1)
         i = np.maximum(np.searchsorted(low, times, side="right") - 1, 0)
         inside = (times > low[i]) & (times < high[i])
@@ -228,7 +228,7 @@ def _located(
     A time in the middle belongs to the side whose value is nearer. Corners remain inside.
     """
     left, right = function(low), function(high)
-    for _ in range(_HALVINGS):
+    for _ in range(_HALVINGS_TO_JUMP):
         middle = low + 0.5 * (high - low)
         if not ((low < middle) & (middle < high)).any():
             break

@@ -23,7 +23,7 @@ from .run import Drive, run
 from .solution import Solution
 
 # Number of values that a run computes between two looks at its time: 256 steps of 8 components.
-_NUMBERS = 2048
+_VALUES_BETWEEN_LOOKS = 2048
 # Least number of steps between two looks.
 _LEAST_ROWS = 8
 
@@ -93,7 +93,7 @@ class Problem:
         how = how_to_step(system, scheme, t_end, resume, history=history, **steps)
         stepper, stop = open_stepper(system, scheme, history, how, t_end, resume, allow_change)
         if late is not None:
-            stepper.limit_rows(max(_LEAST_ROWS, _NUMBERS // system.d))
+            stepper.limit_rows(max(_LEAST_ROWS, _VALUES_BETWEEN_LOOKS // system.d))
         stepper.set_breaks(self.breaks, t_end)
         signs = {} if resume is None else resume.event_signs
         if hybrid:

@@ -23,7 +23,7 @@ from .saving import read_result, state_from, stored_state, take_arrays, write_re
 if TYPE_CHECKING:
     from .accuracy import Accuracy, Provenance
 
-_SAVED = "be a solution that Solution.save wrote"
+_SAVED_SOLUTION = "be a solution that Solution.save wrote"
 # Fields of a solution that `Solution.save` writes as arrays.
 _ARRAYS = "t", "y", "ydot", "components"
 # Statuses of runs that ended as the user wanted, without a warning.
@@ -300,7 +300,7 @@ class Solution:
         >>> hd.solve(equation, 2.0, resume=loaded.state)(2.0).round(4)
         array([0.3362])
         """
-        return read_result(path, _SAVED, cls._from_file)
+        return read_result(path, _SAVED_SOLUTION, cls._from_file)
 
     @classmethod
     def _from_file(cls, arrays: dict[str, np.ndarray], kept: dict[str, Any]) -> Solution:

@@ -20,10 +20,10 @@ from ..support.checks import real_array, refuse, shown
 _CHORD = 5e-4
 # Number of points at which the refinement of a curve stops, for curves that are never smooth, such
 # as rounding errors of a constant.
-_MOST = 100_000
+_MAX_CURVE_POINTS = 100_000
 # Number of halvings of a long step before chords are compared with the curve: the middle of a chord
 # over a whole oscillation lies on the curve.
-_HALVINGS = 3
+_MIN_HALVINGS_OF_STEP = 3
 
 
 class Piece:
@@ -213,13 +213,13 @@ def curve(
     with np.errstate(invalid="ignore", over="ignore"):  # of runs that blew up
         allowed = _CHORD * np.fmax.reduce(np.abs(values - values[-1]))
         chords, halvings = np.arange(t.size - 1), 0
-        while chords.size and t.size < _MOST:
+        while chords.size and t.size < _MAX_CURVE_POINTS:
             middle = (t[chords] + t[chords + 1]) / 2
             inside = (t[chords] < middle) & (middle < t[chords + 1])
             chords, middle = chords[inside], middle[inside]
             found = np.hstack([solution(middle, k)[:, components] for k in derivatives])
             missed = np.abs(found - (values[chords] + values[chords + 1]) / 2) > allowed
-            bent = missed.any(axis=1) | (halvings < _HALVINGS)
+            bent = missed.any(axis=1) | (halvings < _MIN_HALVINGS_OF_STEP)
             chords, halvings = chords[bent], halvings + 1
             t = np.insert(t, chords + 1, middle[bent])
             values = np.insert(values, chords + 1, found[bent], axis=0)

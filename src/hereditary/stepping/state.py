@@ -13,12 +13,12 @@ from .scheme import Scheme
 
 # Times, as fractions of the time reached, at which a state samples orders and kernels that are
 # functions, to compare them when a run is resumed.
-_LOOKS = np.linspace(0.0, 1.0, 5)
+_SAMPLED_FRACTIONS = np.linspace(0.0, 1.0, 5)
 # Entries of `State.identity` that may differ with allow_change=True: the memory does not depend on
 # them.
 _CHANGEABLE = ("params", "right-hand side")
 # Largest number of characters of a value that a message shows.
-_SHOWN = 120
+_MAX_CHARACTERS_SHOWN = 120
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -151,9 +151,11 @@ def described_terms(system: System, t: float) -> dict[str, list]:
     """
     left = system.left
     return {
-        "orders": [op.described(_LOOKS * t) for op, _ in left if op.kernel is None],
+        "orders": [op.described(_SAMPLED_FRACTIONS * t) for op, _ in left if op.kernel is None],
         "coefficients": [coefficients.tolist() for _, coefficients in left],
-        "kernels": [op.described(_LOOKS * t) for op, _ in left if op.kernel is not None],
+        "kernels": [
+            op.described(_SAMPLED_FRACTIONS * t) for op, _ in left if op.kernel is not None
+        ],
     }
 
 
@@ -176,7 +178,7 @@ def check_identity(theirs: dict[str, Any], mine: dict[str, Any], allow_change: b
 
 def _short(value: object) -> str:
     text = str(value)
-    return text if len(text) <= _SHOWN else text[:_SHOWN] + " ..."
+    return text if len(text) <= _MAX_CHARACTERS_SHOWN else text[:_MAX_CHARACTERS_SHOWN] + " ..."
 
 
 def described(description: Any) -> str:

@@ -24,11 +24,11 @@ _R = TypeVar("_R")
 # "explicit" has 0.73 to ExplicitCaputo, and SciPy's "Radau" has 0.6 to Adams. At 1 only names
 # written in full would be recognised. It is also the least similarity of a keyword to an argument:
 # "nsteps" has 0.92 to n_steps, and "first_step" 0.56 to max_step.
-_NEAR = 0.65
+_MIN_SIMILARITY = 0.65
 # Integers below this number are counts as they are.
 _SMALL = 1 << 53
 # Words of a message for an integer above the largest float, which may have thousands of digits.
-_BEYOND = "a number beyond 1e308"
+_NUMBER_ABOVE_FLOATS = "a number beyond 1e308"
 
 
 def complaint(argument: str, required: str, got: object, remedy: object = "") -> str:
@@ -67,7 +67,7 @@ def refusing(instead: dict[str, str]) -> Callable[[Callable[_P, _R]], Callable[_
         @wraps(function)
         def checked(*args: _P.args, **keywords: _P.kwargs) -> _R:
             for name in [name for name in keywords if name not in own]:
-                near = difflib.get_close_matches(name, own, n=1, cutoff=_NEAR)
+                near = difflib.get_close_matches(name, own, n=1, cutoff=_MIN_SIMILARITY)
                 default = f"write {near[0]}=" if near else f"see help(hereditary.{called})"
                 required, got = f"be left out of {called}", reprlib.repr(keywords[name])
                 refuse(name, required, got, instead.get(name, default), kind=TypeError)
@@ -96,7 +96,7 @@ def real(
     try:
         number = float(value)
     except OverflowError as error:
-        raise ValueError(complaint(argument, required, _BEYOND, remedy)) from error
+        raise ValueError(complaint(argument, required, _NUMBER_ABOVE_FLOATS, remedy)) from error
     if not math.isfinite(number):
         refuse(argument, required, number, remedy)
     return number
@@ -134,7 +134,7 @@ def count(
     if isinstance(value, (bool, np.bool_)) or not isinstance(value, numbers.Integral):
         refuse(argument, required, repr(value), remedy, kind=TypeError)
     if abs(int(value)) > sys.float_info.max:
-        refuse(argument, required, _BEYOND, remedy)
+        refuse(argument, required, _NUMBER_ABOVE_FLOATS, remedy)
     if value < least:
         refuse(argument, required, int(value), remedy)
     return int(value)
@@ -227,7 +227,7 @@ def _call_named(name: str, kind: type) -> str:
         classes += one.__subclasses__()
     package = __name__.split(".")[0] + "."
     known = {c.__name__.lower(): c for c in classes if c.__module__.startswith(package)}
-    near = difflib.get_close_matches(name.lower(), known, n=1, cutoff=_NEAR)
+    near = difflib.get_close_matches(name.lower(), known, n=1, cutoff=_MIN_SIMILARITY)
     if not near:
         return ""
     found = known[near[0]]

@@ -11,7 +11,7 @@ from .warning import warn
 # Ratio of singular values below which data do not determine a combination of parameters.
 _UNDETERMINED = 1e-4
 # A parameter has no error if its coefficient in an undetermined combination exceeds this.
-_SHARE = 0.01
+_MAX_UNDETERMINED_SHARE = 0.01
 
 
 class IdentifiabilityWarning(UserWarning):
@@ -38,7 +38,7 @@ def covariance_of(
     _, singular, rows = np.linalg.svd(np.where(dead, 0.0, jacobian) / sizes, full_matrices=False)
     determined = singular > _UNDETERMINED * singular.max(initial=0.0)
     shares = np.linalg.norm(rows[~determined], axis=0)
-    unknown = shares > _SHARE
+    unknown = shares > _MAX_UNDETERMINED_SHARE
     if names and unknown.any():
         parts = " and ".join(names[k] for k in free[unknown])
         warn(f"data do not tell {parts}: fix one of them, or measure more", IdentifiabilityWarning)

@@ -11,7 +11,7 @@ from collections.abc import Iterable, Sequence
 import numpy as np
 
 # Number of points of a line in a small figure; lines with more are thinned out.
-_POINTS = 2000
+_MAX_LINE_POINTS = 2000
 # Width and height of a small figure [inches].
 _SIZE = (4.0, 1.8)
 
@@ -39,7 +39,7 @@ def paragraph(text: object) -> str:
 def small_figure(t: np.ndarray, y: np.ndarray) -> str:
     """Return an HTML image: a figure of the d columns of y (n, d) against t (n,)."""
     figure = importlib.import_module("matplotlib.figure").Figure(_SIZE, layout="constrained")
-    axes, every = figure.add_subplot(), max(1, len(t) // _POINTS)
+    axes, every = figure.add_subplot(), max(1, len(t) // _MAX_LINE_POINTS)
     axes.plot(t[::every], y[::every], lw=0.8)
     axes.set_xlabel("$t$")
     axes.margins(x=0)

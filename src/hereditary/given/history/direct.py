@@ -13,9 +13,9 @@ from ..signatures import Tables, held
 from .history import History, OpenHistory, Past
 
 # Most steps whose weights are computed at a time, if weights differ from step to step.
-_ROWS = 64
+_MAX_ROWS_AT_ONCE = 64
 # Largest number of weights that are computed at a time, if weights differ from step to step.
-_NUMBERS = 2**15
+_MAX_WEIGHTS_AT_ONCE = 2**15
 
 
 @dataclass(frozen=True)
@@ -81,7 +81,7 @@ class _PiecesByRows(_Pieces):
         """Compute the weights of step n and of some later steps; return the step behind these."""
         first, end = self.tables.first, self.tables.first + self.tables.rows
         if not (first <= n < end and self.tables.weights.size):
-            size = min(_ROWS, max(1, _NUMBERS // (n + 1)))
+            size = min(_MAX_ROWS_AT_ONCE, max(1, _MAX_WEIGHTS_AT_ONCE // (n + 1)))
             end = min(n + size, self._past.reach(n)[0])
             weights = self._past.direct(n, end, end + 2)
             weights = np.ascontiguousarray(weights.reshape(-1, end + 2))

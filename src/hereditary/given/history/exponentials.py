@@ -41,7 +41,7 @@ from .history import History, OpenHistory
 # steps would have a third fewer modes at a tolerance of 1e-10.
 _STEPS_COVERED = 2 * 10**7
 # Number of steps of a mesh whose tables are computed at a time.
-_ROWS = 256
+_MESH_STEPS_AT_ONCE = 256
 # On uniform steps with constant orders the number of rates is a multiple of this number, the width
 # of a SIMD register.
 _PAD = 8
@@ -223,7 +223,7 @@ class _RowModes(OpenHistory):
         self._rates, self.n_modes = rates / self._nearest, n_sets * n_modes
         tables = Tables(
             first=-1,
-            rows=ROWS_AT_ONCE if mesh is None else _ROWS,
+            rows=ROWS_AT_ONCE if mesh is None else _MESH_STEPS_AT_ONCE,
             length=rates.size if n_sets == 2 else 0,
             derivatives=derivatives,
         )

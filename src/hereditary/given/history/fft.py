@@ -20,7 +20,7 @@ from ..signatures import Tables, held
 from .history import History, OpenHistory
 
 # Number of blocks in the shortest batch. Below it direct sums are faster than calls of Python.
-_BLOCKS = 32
+_BLOCKS_OF_SHORTEST_BATCH = 32
 
 
 @dataclass(frozen=True)
@@ -64,7 +64,7 @@ class _Pending(OpenHistory):
     def __init__(self, convolution: Convolution, n_columns: int, n_block: int) -> None:
         self._convolution = convolution
         self._n_block = n_block
-        self._batch = _BLOCKS * n_block
+        self._batch = _BLOCKS_OF_SHORTEST_BATCH * n_block
         tables, arrays = Tables(length=self._batch), held(n_columns, starts=convolution.n_starts)
         super().__init__(exchange_pending, tables, arrays, *convolution.exact(n_block + 2))
 

@@ -178,7 +178,7 @@ def _speed(alpha: float, n: int) -> np.ndarray:
     Explicit steps are solved for the change of the increment, and h x'(0) is the increment before
     the first step. The added W_0 cancels this increment.
     """
-    sums = -_SERIES.exact(alpha - 1, n) if alpha > 1 else np.zeros(n)
+    sums = -_EULER_WEIGHTS.exact(alpha - 1, n) if alpha > 1 else np.zeros(n)
     sums[:1] += 1.0
     return sums
 
@@ -191,9 +191,9 @@ def _modal_speed(alpha: float, rates: np.ndarray, weights: np.ndarray, k: int) -
     return -_modal(alpha - 1, rates, weights, k)
 
 
-_SERIES = quadrature_weights(1)
+_EULER_WEIGHTS = quadrature_weights(1)
 # Rule of the weights W_k of increments, and rule of the weights of h x'(0).
-POWER_SERIES = WeightRule(_SERIES.exact, exponent, _modal)
+POWER_SERIES = WeightRule(_EULER_WEIGHTS.exact, exponent, _modal)
 SPEED = WeightRule(_speed, _speed_exponent, _modal_speed)
 
 
