@@ -143,12 +143,12 @@ def exact_memory(equation, t_end, nodes=NODES):
     """Collocation with the steps of a run of rtol 1e-12 and the past integrated exactly."""
     run = hd.solve(equation, t_end, rtol=1e-12, scheme=hd.Collocation(nodes=nodes))
     form, c, matrix = integral_form(equation.system), radau_nodes(nodes), to_legendre(nodes)
-    second = form.second == 1
+    second = form.above_one == 1
     past = Past(form, np.where(second, equation.y0[-1], equation.y0[0]))
     first = run.dense._pieces[0]
     t = [first.length * np.exp(first.variable.logs(radau_nodes(first.variable.n)))]
     y = run(t[0]).T
-    f = np.array([equation.system.force(*pair) for pair in zip(t[0], y.T, strict=True)]).T
+    f = np.array([equation.system.rhs(*pair) for pair in zip(t[0], y.T, strict=True)]).T
     begun = values = np.array([f, first.row, y])
     of_nodes = partial(functions, first.variable)
     past.add(0.0, first.length, lambda u: begun @ of_nodes(np.log(u)).T, values[:, :, -1])
@@ -175,7 +175,7 @@ def exact_memory(equation, t_end, nodes=NODES):
 def stages(equation, form, t, h, base, y, p):
     """f, p and y at the nodes of a step, (3, d, s), by Newton's method from p."""
     d, s = p.shape
-    operators, second = np.zeros((2, d, s, s)), form.second == 1
+    operators, second = np.zeros((2, d, s, s)), form.above_one == 1
     for c, q, k, kappa in form.terms.tolist():  # y itself is no driver in P3 to P6
         a = form.orders[int(k)]
         operators[int(q), int(c)] += kappa * h**a * radau_integrals(s, a)
@@ -185,7 +185,7 @@ def stages(equation, form, t, h, base, y, p):
     for sweep in range(6):
         x = np.where(second[:, None], y[:, None] + p @ whole.T, p)
         for j, row in enumerate(np.ascontiguousarray(x.T)):
-            f[:, j] = equation.system.force(t[j], row)
+            f[:, j] = equation.system.rhs(t[j], row)
         if sweep == 0:
             slopes = np.array([equation.jacobian(t[j], x[:, j].copy()) for j in range(s)])
             for c, e in np.ndindex(d, d):

@@ -64,7 +64,7 @@ def distance_to_ordinary(tau):
 
     def slopes(t, state):
         x, v, z = state
-        return [v, eq.system.force(t, np.array([x]))[0] - 0.25 * z / tau, v - z / tau]
+        return [v, eq.system.rhs(t, np.array([x]))[0] - 0.25 * z / tau, v - z / tau]
 
     times = np.linspace(0.1, 40, 200)
     exact = solve_ivp(

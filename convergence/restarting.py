@@ -83,10 +83,10 @@ def restarted(
     for end in ends:
         run = displaced(equation.system, y[None]), scheme, history or hd.SumOfExponentials(), steps
         stepper = FixedStepper(*run, end - n, phi)
-        while stepper.n < end - n and stepper.trouble is None:
+        while stepper.n < end - n and stepper.failure is None:
             stepper.advance(end - n, keep=False)
-        if stepper.trouble:
-            raise RuntimeError(f"{equation}: {stepper.trouble}")
+        if stepper.failure:
+            raise RuntimeError(f"{equation}: {stepper.failure}")
         phi, r = np.linalg.qr(stepper.tangent)
         logs.append(np.log(np.abs(np.diag(r))))
         y, n = stepper.y, end

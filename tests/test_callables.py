@@ -215,7 +215,7 @@ def divides_whole_numbers(t, y):
 def test_whole_numbers_that_numba_takes_otherwise():
     with pytest.warns(hd.PythonFunctionWarning, match=r"compiled it gives .*: write 1.0 for 1"):
         eq = equation(divides_whole_numbers)
-    values = eq.system.force(0.0, np.array([1.0, 2.0]))
+    values = eq.system.rhs(0.0, np.array([1.0, 2.0]))
     assert values.tolist() == list(divides_whole_numbers(0.0, np.array([1.0, 2.0])))
 
 

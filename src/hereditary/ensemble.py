@@ -458,7 +458,7 @@ def _inside(equation: Equation, values: Any) -> Any:
         rows = [first, *(equation.replace(y0=row) for row in values[1:])]
         return np.array([row.y0 for row in rows])
     inside = values.reshape(-1, *first.y0.shape)
-    idle = ~equation.system.second
+    idle = ~equation.system.above_one
     if equation.m == 2 and np.any(inside[:, 1, idle]):
         m = int(np.argmax(np.any(inside[:, 1, idle] != 0, axis=1)))
         required = "hold no y'(0) for components whose highest order is at most 1"
@@ -619,7 +619,7 @@ class _Run:
         except Exception:  # of a right-hand side: `solve` tells of it
             return self._solve(m)
         ended = Drive(stepper, end, advance, self._interruption, self._no_bar).to(end)
-        if stepper.position <= 1 and stepper.trouble:
+        if stepper.position <= 1 and stepper.failure:
             return self._solve(m)  # which tells what is wrong at the start
         ended, message = ended or Ending(reached_end(stepper)), ""
         if ended.status is not Status.COMPLETED:

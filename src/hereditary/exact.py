@@ -373,10 +373,10 @@ def _zeros(f: _Exponentials) -> np.ndarray:
     """Return all zeros of F with abs(Im u) < _TOP, as many as the argument principle counts."""
     if f.exponents.size == 1:
         return np.zeros(0, dtype=complex)
-    size, a, room = np.log(np.abs(f.coefficients)), f.exponents, math.log(2 * f.exponents.size)
+    size, a, margin = np.log(np.abs(f.coefficients)), f.exponents, math.log(2 * f.exponents.size)
     # outside of [low, high] one term exceeds the sum of all others; exp(+-300) is beyond any time
-    high = min(300.0, ((size[:-1] - size[-1] + room) / (a[-1] - a[:-1])).max())
-    low = max(-300.0, ((size[0] - size[1:] - room) / (a[1:] - a[0])).min())
+    high = min(300.0, ((size[:-1] - size[-1] + margin) / (a[-1] - a[:-1])).max())
+    low = max(-300.0, ((size[0] - size[1:] - margin) / (a[1:] - a[0])).min())
     # F is real on the real axis, so the upper half plane suffices
     corners = pairwise([high, high + 1j * _TOP, low + 1j * _TOP, low])
     expected = 2 * sum(_turns(f, z, w) for z, w in corners)

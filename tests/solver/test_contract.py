@@ -206,7 +206,7 @@ class Damped(TangentStepper):
         self.position, self.y, self.tangent = 0, np.array([1.0, 0.0]), np.eye(2)
 
     @property
-    def trouble(self):
+    def failure(self):
         return Ending(hd.Status.RHS_FAILED, "as asked") if self.position >= self.last else None
 
     def advance(self, stop, keep=True):
@@ -226,7 +226,7 @@ class Damped(TangentStepper):
 def growth(stepper, schedule):
     """Marks and logarithms by the loop that is read, and whether tangents were lost."""
     logs, lost, end = [], False, int(schedule["end"])
-    while stepper.position < end and not (stepper.trouble or lost):
+    while stepper.position < end and not (stepper.failure or lost):
         _, found, lost = TangentStepper.grow(stepper, end, schedule)
         logs.append(found)
     return np.vstack(logs), lost
@@ -297,11 +297,11 @@ def marched(case, equation, n=N_STEPS, stops=(), **more):
 
 def values(stepper):
     """Return y, and y' of components of order above 1: what tangents are derivatives of."""
-    return np.append(stepper.y, stepper.ydot[stepper.system.second])
+    return np.append(stepper.y, stepper.ydot[stepper.system.above_one])
 
 
 def random_directions(equation, k=2):
-    n = equation.d + np.sum(equation.system.second)
+    n = equation.d + np.sum(equation.system.above_one)
     return np.random.default_rng(1).normal(size=(n, k))
 
 
@@ -315,7 +315,7 @@ def test_the_length_of_blocks_does_not_matter(case):
 def test_tangents_are_difference_quotients(case):
     """Of the discrete solution with given steps."""
     equation = case.equation()
-    d, above = equation.d, equation.system.second
+    d, above = equation.d, equation.system.above_one
     directions = random_directions(equation)
     tangent = marched(case, equation, directions=directions).tangent
     for k in range(2):

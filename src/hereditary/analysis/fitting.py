@@ -530,7 +530,7 @@ def _changes(own: list[Equation], others: list[Equation]) -> list[dict[str, np.n
         if not _differ_in_data_alone(before, after):
             return []
         moved = (after.y0 - before.y0)[:, : before.n_solved]
-        y0 = np.concatenate([moved[0], *moved[1:, before.second]])
+        y0 = np.concatenate([moved[0], *moved[1:, before.above_one]])
         parts = {"params": after.params - before.params, "y0": y0}
         found.append({kind: by for kind, by in parts.items() if by.any()})
     return found

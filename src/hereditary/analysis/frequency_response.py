@@ -199,7 +199,7 @@ def frequency_response(
             UserWarning,
         )
     curve = Curve(balance, wanted, followed == frequency)
-    trouble = curve.follow()
+    failure = curve.follow()
     places = np.array([place for place, _ in curve.found]).reshape(-1, balance.size + 1)
     values = places[:, -1]
     return FrequencyResponse(
@@ -209,8 +209,8 @@ def frequency_response(
         branch=np.array([branch for _, branch in curve.found], dtype=np.int64),
         turning=np.array(curve.turning),
         peaks=curve.peaks,
-        complete=not trouble,
-        message=trouble or "the curve was followed to the last value",
+        complete=not failure,
+        message=failure or "the curve was followed to the last value",
     )
 
 

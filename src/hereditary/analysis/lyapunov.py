@@ -386,7 +386,7 @@ def _run(equation: Equation, stepping: _Stepping, options: LyapunovOptions) -> L
     else:
         stepper, _ = opened(system, directions=directions)
     stepper.set_breaks(checked_breaks(options.breaks, start), t_end)
-    plain = memory(system) == "none" and not equation.system.read.any()
+    plain = memory(system) == "none" and not equation.system.is_memory.any()
     flow = Divergence(system, h) if mode == "tangent" and plain and k == most else None
     unit = stepper.stop_at(h).position
     schedule = record(SCHEDULE, transient=transient, end=n, longest=max(1, n // _RECORDS))
@@ -462,7 +462,7 @@ def _without_jumps(result: LyapunovResult, system: System, states: list[_Moment]
 
     Jumps of an f that reads memory are not detected.
     """
-    if system.read.any() or system.delays or not _jumps(system, states):
+    if system.is_memory.any() or system.delays or not _jumps(system, states):
         return result
     clause = f"{_TANGENTS_MISS_JUMPS}: smooth it, for example sign(x) as tanh(x / eps), and let "
     clause += "eps decrease, or take mode='pair' with a separation of 1e-3 to 1e-2"
@@ -480,7 +480,7 @@ def _jumps(system: System, states: list[_Moment]) -> bool:
     """
     chosen = np.unique(np.linspace(0, len(states) - 1, _STATES).astype(int))
     with suppress(Exception), np.errstate(all="ignore"):  # f may have no value between states
-        found = [(t, y, system.force(t, y)) for t, y in (states[i] for i in chosen)]
+        found = [(t, y, system.rhs(t, y)) for t, y in (states[i] for i in chosen)]
         least = _SMALLEST * max(np.abs(f).max() for _, _, f in found)
         return any(_keeps(system, *pair, least) for pair in itertools.pairwise(found))
     return False
@@ -489,13 +489,13 @@ def _jumps(system: System, states: list[_Moment]) -> bool:
 def _keeps(system: System, first: tuple, last: tuple, least: float) -> bool:
     """Return whether f changes by more than `least` on ever shorter lines between two states."""
     (t, a, f_a), (_, b, _) = first, last
-    f_b = system.force(t, b)  # at the same time
+    f_b = system.rhs(t, b)  # at the same time
     change = _distance(f_a, f_b)
     for _ in range(_HALVINGS_BETWEEN_STATES):
         if not change > least:
             return False
         middle = (a + b) / 2
-        f = system.force(t, middle)
+        f = system.rhs(t, middle)
         before, after = _distance(f, f_a), _distance(f_b, f)
         if before > after:
             b, f_b, change = middle, f, before
@@ -581,10 +581,10 @@ class Divergence:
     """
 
     def __init__(self, system: System, h: float) -> None:
-        self._system, self._h, second = system.dense(), h, system.second
+        self._system, self._h, above_one = system.dense(), h, system.above_one
         first, leading = system.coefficient(1.0), system.coefficient(2.0)
-        self._shares = np.where(second, 0.0, 1 / np.where(second, 1.0, first))
-        self._constant = -float(np.sum(first[second] / leading[second]))
+        self._shares = np.where(above_one, 0.0, 1 / np.where(above_one, 1.0, first))
+        self._constant = -float(np.sum(first[above_one] / leading[above_one]))
         self._integral, self._last = 0.0, 0
         self._ahead = self._traces(0, system.y0[:1].copy())
 
@@ -608,8 +608,8 @@ class Divergence:
         """Return the divergence at rows (k, d) of the orbit, the first one at mark n."""
         found, system = np.full(len(rows), self._constant), self._system
         rows = np.ascontiguousarray(rows)
-        room = np.empty((system.d, system.d))
-        traces = _Traces(system.compiled, self._h, self._shares, system.positive_units, room)
+        workspace = np.empty((system.d, system.d))
+        traces = _Traces(system.compiled, self._h, self._shares, system.positive_units, workspace)
         _add_traces(traces, n * self._h, rows, found)
         return found
 
@@ -684,7 +684,7 @@ def memory(system: System) -> str:
 
 def n_data(system: System) -> int:
     """Number of initial data: d, and one more for each component of order above 1."""
-    return system.n_solved + int(np.sum(system.second))
+    return system.n_solved + int(np.sum(system.above_one))
 
 
 def _checking_scheme(scheme: Scheme, equation: Equation) -> Scheme:
@@ -706,7 +706,7 @@ def _second_order(equation: Equation) -> Scheme | None:
     system = equation.system
     if not system.constant:
         return None
-    if system.read.any():
+    if system.is_memory.any():
         return BDF(2)
     distinct, _ = marched(system, Adams()).distinct
     orders = [operator.order for key in distinct for _, operator in key]

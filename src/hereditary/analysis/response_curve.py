@@ -77,11 +77,11 @@ class Curve:
             remedy = "begin elsewhere, or give jac and write y in units of its size"
             return f"no response was found at the first value, {self._wanted[0]:g}: {remedy}"
         places = [first]
-        trouble = self._onwards(places) if self._wanted.size > 1 else ""
+        failure = self._onwards(places) if self._wanted.size > 1 else ""
         if len(places) == 1:
             self.found = [(first, 0)]
-            return trouble
-        return self._answer(places) or trouble
+            return failure
+        return self._answer(places) or failure
 
     def _onwards(self, places: list[np.ndarray]) -> str:
         """Append points until the last value is passed; return why that failed, or ""."""
@@ -163,7 +163,7 @@ class Curve:
         spline = self._spline(places)
         turns = _crossings(lambda s: spline(s, 1)[..., -1], spline.x)
         self.turning = spline(turns)[:, -1].tolist()
-        m, trouble = self._balance.size // self._balance.d, ""
+        m, failure = self._balance.size // self._balance.d, ""
         for c in range(self._balance.d):
             first = slice(c * m + 1, c * m + 3)  # of its harmonics
 
@@ -185,10 +185,10 @@ class Curve:
             guess = np.append(spline(s)[:-1], value)
             place, _ = self._solved(guess, self._value, _POINT_MAXITER)
             if place is None or np.linalg.norm(place - guess) > _AWAY * np.linalg.norm(guess[:-1]):
-                trouble = f"no response was found at {value:g}, which the curve passes"
+                failure = f"no response was found at {value:g}, which the curve passes"
             else:
                 self.found.append((place, int(np.sum(turns < s))))
-        return trouble
+        return failure
 
     def _spline(self, places: list[np.ndarray]) -> Any:
         """Return points of the curve as a function of the length between them."""

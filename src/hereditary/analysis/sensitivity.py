@@ -207,7 +207,7 @@ def _by_tangents(
     scheme, history = arguments["scheme"], arguments["history"]
     start, size = equation.t_start, equation.params.size if "params" in kinds else 0
     system = replace(equation.system, by_params=size)
-    n_data = system.n_solved + int(np.sum(system.second))
+    n_data = system.n_solved + int(np.sum(system.above_one))
     directions = np.eye(n_data)[:, : n_data if "y0" in kinds else 0]
     directions = np.hstack([np.zeros((n_data, size)), directions])
     span = t_last - start
@@ -221,7 +221,7 @@ def _by_tangents(
         rows = _between_steps(stepper, times - start, made)
     else:
         rows = _at_steps(stepper, kept_steps(times, stepping.h, start), made)
-    ended = stepper.trouble or Ending(reached_end(stepper))
+    ended = stepper.failure or Ending(reached_end(stepper))
     message = report(stepper, ended)
     columns = np.array(rows).reshape(len(rows), 1 + directions.shape[1], equation.d)
     y, every = columns[:, 0], np.moveaxis(columns[:, 1:], 1, 2)
@@ -240,10 +240,10 @@ def _at_steps(stepper: Any, stops: np.ndarray, made: Callable[[], None]) -> list
     """March to each of these steps; return rows of y and its tangents, ((1 + k) d,), there."""
     rows: list[np.ndarray] = []
     for stop in stops:
-        while stepper.position < stop and not stepper.trouble:
+        while stepper.position < stop and not stepper.failure:
             stepper.advance(stop, keep=False)
             made()
-        if stepper.trouble:
+        if stepper.failure:
             break
         rows.append(_columns(stepper))
     return rows
@@ -254,15 +254,15 @@ def _between_steps(stepper: Any, times: np.ndarray, made: Callable[[], None]) ->
     stepper.keep_tangents()
     rows = [_columns(stepper)] if times[0] == 0.0 else []
     d = stepper.y.size
-    second = np.tile(stepper.system.second, _columns(stepper).size // d)
-    while stepper.position < times[-1] and not stepper.trouble:
+    above_one = np.tile(stepper.system.above_one, _columns(stepper).size // d)
+    while stepper.position < times[-1] and not stepper.failure:
         piece = stepper.advance(times[-1])
         made()
         if piece is None:
             continue
         reached = int(np.searchsorted(times, stepper.t, side="right"))
         if reached > len(rows):
-            rows.extend(piece.evaluate(times[len(rows) : reached], second, 0))
+            rows.extend(piece.evaluate(times[len(rows) : reached], above_one, 0))
     return rows
 
 

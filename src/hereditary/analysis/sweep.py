@@ -210,7 +210,7 @@ def _run(
     bar, n_left, n_done = ProgressBar(progress), points.count(None), 0
     try:
         # an exception that is raised while the executor takes a lock would leave it locked
-        with Interruption(counted=sys.maxsize) as interruption:
+        with Interruption(max_asked=sys.maxsize) as interruption:
             while True:
                 if interruption.asked > 1:
                     raise KeyboardInterrupt

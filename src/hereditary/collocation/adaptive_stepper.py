@@ -19,7 +19,7 @@ from ..functions.differences import wrong_jacobian
 from ..kernels.memory_kernel import warn_of_fit
 from ..stepping.state import check_identity, identity, state_of
 from ..stepping.status import Status, failed
-from ..stepping.stepper import Health, JumpingStepper, ResumableStepper, TangentStepper
+from ..stepping.stepper import Diagnostics, JumpingStepper, ResumableStepper, TangentStepper
 from ..stepping.times import breaks_ahead
 from ..support.checks import refuse
 from .algebraic import became_singular, settle_tangents, settled
@@ -117,7 +117,7 @@ class AdaptiveStepper(ResumableStepper, TangentStepper, JumpingStepper):
         Number of accepted steps since t = 0.
     """
 
-    counted = False
+    on_given_steps = False
     t = 0.0
     _error: Exception | None = None
 
@@ -140,7 +140,7 @@ class AdaptiveStepper(ResumableStepper, TangentStepper, JumpingStepper):
         self._rule = rule_of(s, form.powers)
         self._graded = form.begins_graded
         self._orders = OrderTables(form.varying, s)
-        y0 = initial_unknowns(marched, form.second == 1, view.directions(directions))
+        y0 = initial_unknowns(marched, form.above_one == 1, view.directions(directions))
         settle_tangents(system, y0)
         self._orbit = OrbitAndTangents(form, y0, s)
         self._state = initial_state(t_end, *np.abs([self._orbit.p[0], self._orbit.x[0]]))
@@ -239,7 +239,7 @@ class AdaptiveStepper(ResumableStepper, TangentStepper, JumpingStepper):
     def _still_sizes(self):
         """Return the sizes of y, and of the unknown p, that tolerances refer to, (2, d)."""
         sizes = self.allowed.of_step.sizes_of(self._sizes)
-        return np.array([sizes, np.where(self._form.second == 1, 0.0, sizes)])
+        return np.array([sizes, np.where(self._form.above_one == 1, 0.0, sizes)])
 
     def _set_origin(self, t, since=0.0):
         """Count time from t, so that rounding does not hide short steps next to a start."""
@@ -279,13 +279,13 @@ class AdaptiveStepper(ResumableStepper, TangentStepper, JumpingStepper):
         orbit = self._orbit
         equations, offsets = orbit.equations(marched, self._least)
         varying = self._orders.compiled(orbit.of_varying)
-        taken = _, (own, operators, weights, room) = take_workspace(
+        taken = _, (own, operators, weights, workspace) = take_workspace(
             self._form, arrays.modes, arrays.last.shape[3], offsets, solver
         )
         try:
             _, status = march_adaptive(march_of(AdaptiveWork(
                 marched.compiled, equations, rule, basis, tables, varying, arrays,
-                self._state, steps, limits, own.solver, own.stages, operators, weights, room,
+                self._state, steps, limits, own.solver, own.stages, operators, weights, workspace,
             )))  # fmt: skip
             return status
         finally:
@@ -336,7 +336,7 @@ class AdaptiveStepper(ResumableStepper, TangentStepper, JumpingStepper):
                 self._state.sizes[:] = sizes
             # when Newton's method fails, the next step is a quarter of the last
             self._ending = UNSOLVED if self._control["next"] == 0.25 * h else TOO_STEEP
-        speed = np.where(form.second == 1, orbit.p[0], self._marched.force(t, orbit.x[0]))
+        speed = np.where(form.above_one == 1, orbit.p[0], self._marched.rhs(t, orbit.x[0]))
         if leaves_domain(self._marched, t, orbit.x[0], left * speed):
             self._ending = OUTSIDE
         elif self._ending is TOO_STEEP and not form.kernels and form.generators[0] < VANISHING:
@@ -421,14 +421,14 @@ class AdaptiveStepper(ResumableStepper, TangentStepper, JumpingStepper):
         # the right-hand side may jump here
         settled = jump(self._marched, self._form, self._orbit, self.t, self._state.counts)
         self._ending = None if settled else UNSOLVED
-        self._state.largest[:] = np.where(self._form.second == 1, self._state.largest, 0.0)
+        self._state.largest[:] = np.where(self._form.above_one == 1, self._state.largest, 0.0)
         self._begin_steps(floor_to_grid(h), self._shortest)
         self._at_singular_start = False
 
     def _begin_steps(self, h, shortest):
         """Set the length h of the next step; steps below the length `shortest` need more modes."""
         control = self._control
-        control["next"], control["last"], control["refused"] = h, 0.0, 0.0
+        control["next"], control["last"], control["rejected"] = h, 0.0, 0.0
         control["shortest"] = shortest
 
     @property
@@ -477,7 +477,7 @@ class AdaptiveStepper(ResumableStepper, TangentStepper, JumpingStepper):
     def tangent(self):
         """Tangents, shape (n_data, k), a copy: derivatives of y, then of y' for orders above 1."""
         values, speeds = self._view.values(self._orbit.x[1:], self._orbit.p[1:])
-        return np.vstack([values.T, speeds[:, self.system.second].T])
+        return np.vstack([values.T, speeds[:, self.system.above_one].T])
 
     def keep_tangents(self):
         """Let dense output include the tangents: d components of each follow those of the orbit."""
@@ -490,7 +490,7 @@ class AdaptiveStepper(ResumableStepper, TangentStepper, JumpingStepper):
     def advance(self, stop, keep=True):
         """March towards time `stop` by a limited number of steps; return dense output or None.
 
-        If the march cannot go on, or the right-hand side raised, `trouble` has the reason.
+        If the march cannot go on, or the right-hand side raised, `failure` has the reason.
         """
         ahead = self._breaks[self._breaks > self.t]
         t_stop = min(stop, ahead[0]) if ahead.size else stop
@@ -503,7 +503,7 @@ class AdaptiveStepper(ResumableStepper, TangentStepper, JumpingStepper):
         return None if piece is None else self._view.piece(piece)
 
     @property
-    def trouble(self):
+    def failure(self):
         """Reason why the march cannot go on, an `Ending`; None if it can."""
         if self._error is not None:
             return failed(self._error)
@@ -528,7 +528,7 @@ class AdaptiveStepper(ResumableStepper, TangentStepper, JumpingStepper):
         return of_small_component(self._marched.of_y[c] // (2 if self.system.frame.paired else 1))
 
     @property
-    def health(self):
+    def diagnostics(self):
         """Misfit of the kernels to the tolerance, and the time of a force that steps missed.
 
         The tolerance of memory that f reads is that of a step, because its errors add up. In
@@ -536,7 +536,7 @@ class AdaptiveStepper(ResumableStepper, TangentStepper, JumpingStepper):
         """
         allowed = self.allowed.of_step if is_read(self.system) else self.allowed.of_run
         misfit = self._orbit.kernels.errors.misfit(allowed.rtol)
-        return Health(misfit=misfit, missed=float(self._control["missed"]))
+        return Diagnostics(misfit=misfit, missed=float(self._control["missed"]))
 
     def set_breaks(self, times, t_end):
         """Set the times at which the march makes a singular start, because f may jump there."""
@@ -547,7 +547,7 @@ class AdaptiveStepper(ResumableStepper, TangentStepper, JumpingStepper):
         """Return the counts and error estimates that `Solution.stats` has."""
         return {
             "n_steps": self.n_steps,
-            "n_rejected": int(self._state.counts["refused"]),
+            "n_rejected": int(self._state.counts["rejected"]),
             "n_rhs": int(self._state.counts["rhs"]),
             "n_modes": self.n_modes,
             "history_bytes": self._orbit.modes.nbytes,

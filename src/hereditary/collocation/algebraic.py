@@ -57,7 +57,7 @@ def _residual(system, t, x, rows, rtol):
     """Return f in the given rows, and the error of f if x errs by rtol |x|, (k,) each."""
     with np.errstate(all="ignore"):
         noise = rtol * (np.abs(_jacobian(system, t, x, rows)) @ np.abs(x))
-    return system.force(t, x)[rows], noise + LEAST
+    return system.rhs(t, x)[rows], noise + LEAST
 
 
 def _solve(system, t, x, rows, columns):
@@ -68,11 +68,11 @@ def _solve(system, t, x, rows, columns):
     x = x.copy()
     for _ in range(_CONSISTENCY_MAXITER):
         with np.errstate(all="ignore"):
-            force = system.force(t, x)[rows]
+            f_rows = system.rhs(t, x)[rows]
             matrix = _jacobian(system, t, x, rows)[:, columns]
-        if not (np.isfinite(force).all() and np.isfinite(matrix).all()) or not _regular(matrix):
+        if not (np.isfinite(f_rows).all() and np.isfinite(matrix).all()) or not _regular(matrix):
             return None
-        change = np.linalg.solve(matrix, force)
+        change = np.linalg.solve(matrix, f_rows)
         x[columns] -= change
         if np.all(np.abs(change) <= _CONSISTENCY_RTOL * np.abs(x[columns])):
             return x
@@ -99,10 +99,10 @@ def check_start(system, rtol, atol):
     rows, columns = _unknowns(system)
     x, t = system.at_start, system.beside(0.0, 1)
     _check_index(system, t, x, rows, columns)
-    force, noise = _residual(system, t, x, rows, rtol)
+    f_rows, noise = _residual(system, t, x, rows, rtol)
     y, d = system.y0[0], system.n_solved
     with np.errstate(all="ignore"):
-        at_once = np.minimum(np.abs(force), np.abs(system.force(0.0, x)[rows]))
+        at_once = np.minimum(np.abs(f_rows), np.abs(system.rhs(0.0, x)[rows]))
     if np.all(at_once <= noise):
         return
     found = _solve(system, t, x, rows, columns)
@@ -117,10 +117,10 @@ def check_start(system, rtol, atol):
         if wrong.size == 0:
             return
     else:
-        wrong = rows[np.abs(force) > noise]
+        wrong = rows[np.abs(f_rows) > noise]
     c, pairs = int(wrong[0]), 2 if system.frame.paired else 1
     required = f"satisfy 0 = rhs(t, y), the row of component {c // pairs}, which has no derivative"
-    got = f"a residual of {force[np.flatnonzero(rows == c)[0]]:.3g}"
+    got = f"a residual of {f_rows[np.flatnonzero(rows == c)[0]]:.3g}"
     remedy = "give consistent values"
     if found is not None:
         values = ", ".join(f"y0[0, {j // pairs}] = {found[j]:.15g}" for j in wrong[:3])
@@ -135,10 +135,10 @@ def _name_tiny(system, rtol):
     tiny = np.flatnonzero((largest > 0) & (largest < _NEGLIGIBLE_COEFFICIENT_RATIO * largest.max()))
     if tiny.size == 0:
         return
-    force, noise = _residual(system, t, x, tiny, rtol)
-    wrong = np.abs(force) > noise
+    f_rows, noise = _residual(system, t, x, tiny, rtol)
+    wrong = np.abs(f_rows) > noise
     if wrong.any():
-        c, residual = tiny[wrong][0], force[wrong][0]
+        c, residual = tiny[wrong][0], f_rows[wrong][0]
         warn(
             f"the coefficients of component {c // (2 if system.frame.paired else 1)} are at most "
             f"{largest[c]:.3g}, and its row has a residual of {residual:.3g} at the start: if they "

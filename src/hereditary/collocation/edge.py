@@ -48,22 +48,22 @@ def begins_at_edge(system, t, y, units, jacobian):
     f is small if it is less than its changes over increments of y (d,). `units` (d,) are the sizes
     of components, and `jacobian` (d, d) is that of f at (t, y), which may be infinite.
     """
-    force, (far, near) = np.abs(system.force(t, y)), _INCREMENTS
-    if np.all(force > far * np.abs(jacobian) @ units):
+    f_at_point, (far, near) = np.abs(system.rhs(t, y)), _INCREMENTS
+    if np.all(f_at_point > far * np.abs(jacobian) @ units):
         return False
-    f = system.force(t, y)
+    f = system.rhs(t, y)
     for j in np.flatnonzero(y == 0):
         rows = []
         for increment in (far, near):
             moved = np.zeros(y.size)
             moved[j] = increment * units[j]
             with np.errstate(all="ignore"):
-                sides = np.abs([system.force(t, y + sign * moved) - f for sign in (1, -1)])
+                sides = np.abs([system.rhs(t, y + sign * moved) - f for sign in (1, -1)])
             rows.append(np.where(np.isfinite(sides), sides, 0.0).max(axis=0))
         infinite = (_INFINITE_SLOPE_RATIO * near / far * rows[0] < rows[1]) & (
             rows[1] < _JUMP_CHANGE_RATIO * rows[0]
         )
-        if np.any(infinite & (force < rows[0])):
+        if np.any(infinite & (f_at_point < rows[0])):
             return True
     return False
 
@@ -74,7 +74,7 @@ def solve_at_edge(m, h):
 
     It has the results of `solve_stages`, with f at the last y.
     """
-    room, x_start, values = m.room, m.orbit.x[0], m.room.values[0]
+    workspace, x_start, values = m.workspace, m.orbit.x[0], m.workspace.values[0]
     f, p, x = values[FORCE], values[PRIMARY], values[POSITION]
     d, s = p.shape
     jacobians, done = m.stages.jacobians, False
@@ -94,14 +94,14 @@ def solve_at_edge(m, h):
             slopes_at_node(m, i, x, f, jacobians[i])
         if not factorise_newton(m, h, p, jacobians):
             return False
-        residuals(m, room.base[0], p, x, f)
+        residuals(m, workspace.base[0], p, x, f)
         solve_newton(m)
         done = take_limited_change(m, h, p, x, f)
         set_primary(m, h, x, p)
     for c in range(d):
-        room.point[c] = x[c, s - 1]
-    magnitudes(jacobians[s - 1], room.point, room.force_scales)
-    magnitudes(jacobians[s - 1], room.starts, room.start_scales)
+        workspace.point[c] = x[c, s - 1]
+    magnitudes(jacobians[s - 1], workspace.point, workspace.force_scales)
+    magnitudes(jacobians[s - 1], workspace.starts, workspace.start_scales)
     m.stages.control[LENGTH] = h
     return done
 
@@ -113,8 +113,8 @@ def slopes_at_node(m, i, x, f, out):
     x, f (d, s) are y and f at the nodes. If f is not finite on that side of y(0), the differences
     go to the other side.
     """
-    room, x_start = m.room, m.orbit.x[0]
-    point, force, t = room.point, room.force, room.times[i]
+    workspace, x_start = m.workspace, m.orbit.x[0]
+    point, f_at_point, t = workspace.point, workspace.f_at_point, workspace.times[i]
     for c in range(point.shape[0]):
         point[c] = x[c, i]
     for e in range(point.shape[0]):
@@ -123,12 +123,12 @@ def slopes_at_node(m, i, x, f, out):
         width = -width if moved < 0.0 else width
         for _ in range(2):
             point[e] = x[e, i] + width
-            set_force(m.right.force, t, point, force)
+            set_force(m.right.force, t, point, f_at_point)
             m.state.counts.rhs += 1
             finite = True
             for c in range(point.shape[0]):
-                out[c, e] = (force[c] - f[c, i]) / (point[e] - x[e, i])
-                finite = finite and abs(force[c]) < np.inf
+                out[c, e] = (f_at_point[c] - f[c, i]) / (point[e] - x[e, i])
+                finite = finite and abs(f_at_point[c]) < np.inf
             if finite:
                 break
             width = -width
@@ -151,21 +151,21 @@ def reflect(x_start, x):
 
 @inner
 def take_limited_change(m, h, p, x, f):
-    """Subtract Newton's change, `m.room.change`, from y = x (d, s); return if it is small.
+    """Subtract Newton's change, `m.workspace.change`, from y = x (d, s); return if it is small.
 
     The distance of y from y(0) keeps its sign, and decreases to a thousandth at most. The arrays p
     and f (d, s) have the values before the change.
     """
-    second, integral = m.equations.second, m.rule.integrals[m.equations.orders.shape[0] - 1]
-    x_start, change, (d, s), small = m.orbit.x[0], m.room.change, p.shape, True
+    above_one, integral = m.equations.above_one, m.rule.integrals[m.equations.orders.shape[0] - 1]
+    x_start, change, (d, s), small = m.orbit.x[0], m.workspace.change, p.shape, True
     for c in range(d):
         speed, largest = 0.0, 0.0
         for i in range(s):
-            speed = max(speed, abs(p[c, i])) if second[c] == 1 else 0.0
+            speed = max(speed, abs(p[c, i])) if above_one[c] == 1 else 0.0
             largest = max(largest, abs(x[c, i] - x_start[c]))
         for i in range(s):
             moved = change[c * s + i]
-            if second[c] == 1:
+            if above_one[c] == 1:
                 moved = 0.0
                 for j in range(s):
                     moved += h * integral[i, j] * change[c * s + j]
@@ -197,11 +197,11 @@ def is_small(m, c, i, moved, f):
 @inner(allocates=True)
 def set_primary(m, h, x, p):
     """Set p (d, s) at the nodes to y = x (d, s), or to y', whose integral is y - y(0)."""
-    second, integral = m.equations.second, m.rule.integrals[m.equations.orders.shape[0] - 1]
+    above_one, integral = m.equations.above_one, m.rule.integrals[m.equations.orders.shape[0] - 1]
     (d, s), x_start = p.shape, m.orbit.x[0]
     matrix, slopes = np.empty((s, s)), np.empty(s)
     for c in range(d):
-        if second[c] == 0:
+        if above_one[c] == 0:
             for i in range(s):
                 p[c, i] = x[c, i]
             continue

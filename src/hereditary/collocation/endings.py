@@ -45,18 +45,18 @@ SINGULAR_ROWS = Ending(
 )
 
 
-def ending(status, system, t, h, refused, last, peak):
+def ending(status, system, t, h, rejected, last, peak):
     """Return the reason why a march with this status code cannot go on from time t.
 
     `last` (3 or 4, d, s) are f, p and y at the nodes of the last step, of length h. The next step
-    was rejected down to the length `refused`. `peak` (2, d) are the largest |p| and |y| before the
+    was rejected down to the length `rejected`. `peak` (2, d) are the largest |p| and |y| before the
     last step.
     """
     if status == CRAWLING:
         return Ending(Status.STEP_TOO_SMALL, _CRAWLS)
     before, now = (np.abs(last[PRIMARY : POSITION + 1, :, i]) for i in (0, -1))
     largest = np.maximum((1 + _GROWING) * before, peak)
-    growing = np.any(now.max(axis=1) > largest.max(axis=1)) and refused > _WALL * h
+    growing = np.any(now.max(axis=1) > largest.max(axis=1)) and rejected > _WALL * h
     if status != JUMPING and growing:
         return _BLOWN_UP
     forces = _forces_ahead(system, t, h, last[POSITION])
@@ -79,7 +79,7 @@ def _forces_ahead(system, t, h, y):
     length h.
     """
     ahead = [(t + abs(a) * h, y[:, -1] + a * (y[:, -1] - y[:, 0])) for a in _DISTANCES_AHEAD]
-    return np.array([system.force(*point) for point in ahead])
+    return np.array([system.rhs(*point) for point in ahead])
 
 
 def of_near_orders(gap):
@@ -104,5 +104,5 @@ def of_small_component(number):
 def leaves_domain(system, t, y, move):
     """Return whether f is infinite or NaN at all test points between y and y + move, (d,) each."""
     points = [y + share * move for share in _SHARES]
-    ahead = [system.force(t, point) for point in points if np.any(point != y)]
+    ahead = [system.rhs(t, point) for point in points if np.any(point != y)]
     return bool(ahead) and not np.isfinite(ahead).all(axis=1).any()

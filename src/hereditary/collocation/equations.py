@@ -54,7 +54,7 @@ class Form:
         Constant subtracted from the integrand of each term: 0 none, 1 p(0), 2 y(0).
     orders : ndarray, shape (n_a,)
         Orders of integration in (0, 1], ascending; the last one is 1.
-    second : ndarray of int64, shape (d,)
+    above_one : ndarray of int64, shape (d,)
         1 if the primary unknown p of a component is y', 0 if it is y.
     generators : tuple of float
         Numbers whose sums are the exponents of t in f, p and y near t = 0.
@@ -72,7 +72,7 @@ class Form:
     terms: np.ndarray
     offset_of: np.ndarray
     orders: np.ndarray
-    second: np.ndarray
+    above_one: np.ndarray
     generators: tuple[float, ...]
     implicit: np.ndarray
     kernels: tuple = ()
@@ -105,7 +105,7 @@ class Form:
         It is 2 d if terms are subtracted from the right-hand side of any component, or if any
         component has no terms.
         """
-        d = self.second.size
+        d = self.above_one.size
         subtracted = bool((self.terms["row"] >= d).any()) or bool(self.algebraic.any())
         return 2 * d if subtracted else d
 
@@ -118,7 +118,7 @@ class Form:
     def layout(self) -> tuple:
         """What the shapes of a march's work arrays depend on, and the kinds of the components."""
         sizes = self.n_rows, self.n_integrands, self.unweighted.size
-        return *sizes, self.kinds.tobytes(), self.second.tobytes()
+        return *sizes, self.kinds.tobytes(), self.above_one.tobytes()
 
     @property
     def algebraic(self) -> np.ndarray:
@@ -128,11 +128,11 @@ class Form:
     @cached_property
     def kinds(self) -> np.ndarray:
         """Number of each component's kind, (d,); components of one kind have the same terms."""
-        d = self.second.size
+        d = self.above_one.size
         terms: list[list] = [[] for _ in range(d)]
         for row, *term in self.listed:
             terms[row % d].append((row // d, *term))
-        how = zip(terms, self.second.tolist(), self.implicit.tolist(), strict=True)
+        how = zip(terms, self.above_one.tolist(), self.implicit.tolist(), strict=True)
         numbers: dict[tuple, int] = {}
         keys = [(tuple(own), *rest) for own, *rest in how]
         return np.array([numbers.setdefault(key, len(numbers)) for key in keys], dtype=np.int64)
@@ -161,12 +161,12 @@ class Form:
     @cached_property
     def solves_slopes(self) -> bool:
         """Whether any component has p' as an integrand and an implicit row."""
-        d, slopes = self.second.size, self.terms["integrand"] == SLOPE
+        d, slopes = self.above_one.size, self.terms["integrand"] == SLOPE
         return bool(self.implicit[self.terms["row"][slopes] % d].any())
 
     def start_exponent(self, t: float = 0.0) -> float:
         """Return the smallest exponent e if p changes like (time - t)**e after a start at t."""
-        d, found = self.second.size, []
+        d, found = self.above_one.size, []
         for c in range(d):
             integrand = SLOPE if self.implicit[c] else FORCE
             own = (self.terms["row"] % d == c) & (self.terms["integrand"] == integrand)
@@ -199,9 +199,9 @@ class Form:
             kernel = self.kernels[k - n_a]
             return kernel.singular_exponent or min((*kernel.generators, 1.0))
         order = self.varying[k - n_a - n_k]
-        values, trouble = order.sampled(np.full(1, t))
-        if trouble:
-            raise OrderFailed(trouble)
+        values, failure = order.sampled(np.full(1, t))
+        if failure:
+            raise OrderFailed(failure)
         return 1 - order.derivative + float(values[0])
 
 
@@ -256,7 +256,7 @@ def _kept_form(left, m):
 def _form_of(system):
     """Return the integral equations of a system, without a cache."""
     highest = system.highest_orders()
-    leading, second = system.coefficient(highest), highest > 1
+    leading, above_one = system.coefficient(highest), highest > 1
     balanced = [_is_implicit(system, c, highest[c]) for c in range(system.d)]
     bare = [not any(own[c] for _, own in system.left) for c in range(system.d)]
     implicit = np.where(bare, ALGEBRAIC, balanced).astype(np.int64)
@@ -268,12 +268,12 @@ def _form_of(system):
                 required += ", and one of 1 or more where that of RiemannLiouville varies"
                 present = " and ".join(f"{op}" for op, own in system.left if own[c] != 0)
                 refuse("terms", required, present, "take L1")
-            rows += _derivative_rows(system, c, second[c])
+            rows += _derivative_rows(system, c, above_one[c])
         elif leading[c] == 0:
             required = "leave a nonzero coefficient before the highest order"
             refuse("terms", required, f"0 for component {c}")
         else:
-            rows += _integral_rows(system, c, highest[c], second[c], leading[c])
+            rows += _integral_rows(system, c, highest[c], above_one[c], leading[c])
     orders = sorted({row.order for row in rows if row.order is not None} | {1.0})
     if orders[0] < _MIN_ORDER:
         required = f"keep {_MIN_ORDER:g} above integers, and from each other, with Collocation"
@@ -294,7 +294,7 @@ def _form_of(system):
         records(listed, TERM),
         np.array([row.offset for row in rows], dtype=np.int64),
         np.array(orders),
-        second.astype(np.int64),
+        above_one.astype(np.int64),
         _generators(tuple(increments)),
         implicit,
         tuple(kernels),
@@ -335,12 +335,12 @@ def _place(row, places):
     return ITSELF if row.order is None else places.index(row.order)
 
 
-def _integral_rows(system, c, highest, second, leading):
+def _integral_rows(system, c, highest, above_one, leading):
     """Return the convolution terms of component c if its highest derivative can be integrated.
 
-    `highest` is its order, and `leading` its coefficient. `second` is 1 if p is y'.
+    `highest` is its order, and `leading` its coefficient. `above_one` is 1 if p is y'.
     """
-    rows = [_Row(c, FORCE, 1 / leading, float(highest - second))]
+    rows = [_Row(c, FORCE, 1 / leading, float(highest - above_one))]
     for operator, coefficients in system.left:
         factor = -coefficients[c] / leading
         if factor == 0 or (operator.constant and operator.order == highest):
@@ -348,14 +348,14 @@ def _integral_rows(system, c, highest, second, leading):
         if not operator.constant:
             # if the highest order is an integer, the integral of the convolution with p' is the
             # convolution with p - p(0)
-            if operator.kernel is not None and operator.derivative == 1 + second:
+            if operator.kernel is not None and operator.derivative == 1 + above_one:
                 rows.append(_Row(c, PRIMARY, factor, operator=operator, offset=1))
             else:
-                rows.append(_subtracted_row(operator, coefficients[c], c, system.d, second))
+                rows.append(_subtracted_row(operator, coefficients[c], c, system.d, above_one))
             continue
         a = float(highest - operator.order)
         taken = not operator.from_zero  # true for Caputo: an initial value is subtracted
-        if not second or operator.order > 1:
+        if not above_one or operator.order > 1:
             rows.append(_Row(c, PRIMARY, factor, a, offset=1 * taken))
         elif a <= 1:
             rows.append(_Row(c, PRIMARY, factor, a))
@@ -364,8 +364,8 @@ def _integral_rows(system, c, highest, second, leading):
     return rows
 
 
-def _derivative_rows(system, c, second):
-    """Return the convolution terms of a component c with an implicit row; `second` is 1 if p = y'.
+def _derivative_rows(system, c, above_one):
+    """Return the convolution terms of an implicit row c; `above_one` is 1 if p = y'.
 
     All of them are subtracted from the right-hand side.
     """
@@ -373,20 +373,20 @@ def _derivative_rows(system, c, second):
     rows = []
     for operator, coefficient in present:
         if not operator.constant:
-            rows.append(_subtracted_row(operator, coefficient, c, system.d, second))
+            rows.append(_subtracted_row(operator, coefficient, c, system.d, above_one))
             continue
-        integrand = SLOPE if operator.derivative > second else PRIMARY
+        integrand = SLOPE if operator.derivative > above_one else PRIMARY
         order = None if operator.classical else operator.power
         rows.append(_Row(system.d + c, integrand, coefficient, order))
     return rows
 
 
-def _subtracted_row(operator, coefficient, c, d, second):
+def _subtracted_row(operator, coefficient, c, d, above_one):
     """Return the convolution term of an operator that is subtracted from f of component c.
 
-    d is the number of components; `second` is 1 if p of component c is y'.
+    d is the number of components; `above_one` is 1 if p of component c is y'.
     """
-    integrand = (POSITION, PRIMARY, SLOPE)[operator.derivative - second + 1]
+    integrand = (POSITION, PRIMARY, SLOPE)[operator.derivative - above_one + 1]
     return _Row(d + c, integrand, coefficient, operator=operator)
 
 

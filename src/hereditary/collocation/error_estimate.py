@@ -2,9 +2,9 @@
 
 Letters of shapes: d components, s nodes, M modes, n_k general kernels, n_q integrands (f, p and y,
 and p' if needed). Components of one kind have the same terms and share the K rows of matrices. The
-primary unknown p is y, or y' for orders above 1. `m` is an `AdaptiveWork`, `m.room` its workspace.
-The defect of f is the difference of f and its polynomial through the nodes. Row d + c has the terms
-that are subtracted from f of component c.
+primary unknown p is y, or y' for orders above 1. `m` is an `AdaptiveWork`, `m.workspace` its
+workspace. The defect of f is the difference of f and its polynomial through the nodes. Row d + c
+has the terms that are subtracted from f of component c.
 """
 
 import math
@@ -37,11 +37,11 @@ _DEFECT_WEIGHT = 0.3
 # Rounding error of f as fraction of |J| |y|, where J is the Jacobian. It includes the growth of the
 # error by interpolation.
 _ROUNDING_OF_F = 2e-14
-# Change of p by the defect of f, in units of Newton's goal, above which the equations are evaluated
-# again at the nodes.
+# Change of p by the defect of f, in units of Newton's tolerance, above which the equations are
+# evaluated again at the nodes.
 _CHECK_BEYOND = 100.0
 # Change of p that Newton's method requires after this second evaluation of the equations, in units
-# of Newton's goal. Above it the step is rejected.
+# of Newton's tolerance. Above it the step is rejected.
 _MAX_RESIDUAL_CHANGE = 10.0
 # Index of the first check point of a step that does not enter the step's error.
 FIRST_LOOK = 2
@@ -50,8 +50,8 @@ _MAX_FREE_CHECKS = 256
 # Ratio of the defect of f at a check point that does not enter the error to the defect at the check
 # points that do. Only above it the steps may have missed a force.
 _MIN_DEFECT_RATIO_IF_MISSED = 30.0
-# Change of p over the step by such a defect, in units of Newton's goal. Only above it the steps may
-# have missed a force. One tolerance is 1,000 of these units.
+# Change of p over the step by such a defect, in units of Newton's tolerance. Only above it the
+# steps may have missed a force. One tolerance is 1,000 of these units.
 _MIN_CHANGE_IF_MISSED = 1000.0
 # Distance of the step's polynomial from y at the start, in tolerances, above which f at the start
 # enters the defect. Stiff systems miss the start by rounding.
@@ -74,11 +74,12 @@ def estimate_error(m, h, local, values, p0, errors):
     """
     # local (n_k, s, s): convolutions over the step; matrices (K, 3, s, s); values (n_q, d, s): the
     # integrands; p0 (d,): p(0)
-    equations, legendre, matrices, room = m.equations, m.rule.legendre, m.operators.matrices, m.room
+    equations, legendre = m.equations, m.rule.legendre
+    matrices, workspace = m.operators.matrices, m.workspace
     terms, orders, kinds = equations.terms, equations.orders, equations.kinds
-    start_scales, force_scales = room.start_scales, room.force_scales
+    start_scales, force_scales = workspace.start_scales, workspace.force_scales
     d, s, n_a = errors.shape[0], values.shape[2], orders.shape[0]
-    defect, nodal_errors = room.residual, room.change
+    defect, nodal_errors = workspace.residual, workspace.change
     for c in range(d):
         last, decay = legendre_tail(legendre, values[PRIMARY, c], _ROUNDING_OF_P * abs(p0[c]))
         errors[c] = abs(last) * decay * decay
@@ -116,18 +117,18 @@ def estimate_error(m, h, local, values, p0, errors):
 
 @inner
 def solve_for_error(m):
-    """Solve for the error of p that a residual at all nodes causes, `m.room.change` (d s,).
+    """Solve for the error of p that a residual at all nodes causes, `m.workspace.change` (d s,).
 
-    The residual is `m.room.residual` (d s,). In units of Newton's goal, the largest error is at
-    most the largest residual, because a nearly singular matrix would amplify rounding errors. There
-    is no limit if an algebraic row has a residual, which has the unit of f and not of p.
+    The residual is `m.workspace.residual` (d s,). In units of Newton's tolerance, the largest error
+    is at most the largest residual, because a nearly singular matrix would amplify rounding errors.
+    There is no limit if an algebraic row has a residual, which has the unit of f and not of p.
     """
     solve_newton(m)
-    defect, nodal_errors = m.room.residual, m.room.change
-    goal, of_defect, of_error = m.room.goal, 0.0, 0.0
-    s = defect.shape[0] // goal.shape[0]
-    for c in range(goal.shape[0]):
-        unit = max(goal[c], LEAST)
+    defect, nodal_errors = m.workspace.residual, m.workspace.change
+    newton_tol, of_defect, of_error = m.workspace.newton_tol, 0.0, 0.0
+    s = defect.shape[0] // newton_tol.shape[0]
+    for c in range(newton_tol.shape[0]):
+        unit = max(newton_tol[c], LEAST)
         if m.equations.implicit[c] == ALGEBRAIC:
             of_defect = np.inf if largest_of(defect, c * s, s) > 0.0 else of_defect
             continue
@@ -139,7 +140,7 @@ def solve_for_error(m):
 
 @inner
 def measure_force_defect(m, h):
-    """Set `m.room.defect` (d,) to the largest difference of f and its polynomial off the nodes.
+    """Set `m.workspace.defect` (d,) to the largest error of the polynomial of f off the nodes.
 
     Only off the nodes one sees that f jumps, or that it acts between the nodes. The argument y of f
     is the polynomial of the solution through the same nodes, so a linear f has no defect. The first
@@ -147,9 +148,10 @@ def measure_force_defect(m, h):
     tolerance, f at the true y enters the defect too.
     """
     # x_start (d,): y at the start of the step; p0 (d,): p(0)
-    x_start, p0, point, sizes = m.orbit.x[0], m.orbit.initial[0], m.room.point, m.room.sizes
+    x_start, p0 = m.orbit.x[0], m.orbit.initial[0]
+    point, sizes = m.workspace.point, m.workspace.sizes
     misses_start = False
-    clear(m.room.defect)
+    clear(m.workspace.defect)
     for i in range(FIRST_LOOK):
         set_point(m, h, i)
         for c in range(point.shape[0] if i == 0 else 0):
@@ -165,13 +167,15 @@ def measure_force_defect(m, h):
 
 @inner
 def set_point(m, h, i):
-    """Set `m.room.point` (d,) to y at check point i, by the step's polynomial of p."""
+    """Set `m.workspace.point` (d,) to y at check point i, by the step's polynomial of p."""
     # primary (d, s): p at the nodes
-    second, x_start, primary = m.equations.second, m.orbit.x[0], m.room.values[0, PRIMARY]
-    check_values, check_integrals, point = m.rule.check_values, m.rule.check_integrals, m.room.point
-    for c in range(second.shape[0]):
+    above_one = m.equations.above_one
+    x_start, primary = m.orbit.x[0], m.workspace.values[0, PRIMARY]
+    check_values = m.rule.check_values
+    check_integrals, point = m.rule.check_integrals, m.workspace.point
+    for c in range(above_one.shape[0]):
         total = 0.0
-        if second[c] == 0:
+        if above_one[c] == 0:
             for j in range(primary.shape[1]):
                 total += check_values[i, j] * primary[c, j]
         else:
@@ -189,33 +193,34 @@ def look_once_more(m, h):
     into `_MAX_FREE_CHECKS` equal intervals. The function evaluates f at one check point in each
     interval at most, and at s check points in one step at most.
     """
-    room, kinds, sums, check_values = (
-        m.room,
+    workspace, kinds, sums, check_values = (
+        m.workspace,
         m.equations.kinds,
         m.operators.sums,
         m.rule.check_values,
     )
-    point, force, at_nodes = room.point, room.force, room.values[0, FORCE]
-    defects, force_scales, goal = room.defect, room.force_scales, room.goal
+    point, f_at_point, at_nodes = workspace.point, workspace.f_at_point, workspace.values[0, FORCE]
+    defects = workspace.defect
+    force_scales, newton_tol = workspace.force_scales, workspace.newton_tol
     spacing = m.limits.t_end / _MAX_FREE_CHECKS
     before = m.state.control.origin + m.state.control.time
-    for i in range(FIRST_LOOK, room.check_times.shape[0]):
-        t = room.check_times[i]
+    for i in range(FIRST_LOOK, workspace.check_times.shape[0]):
+        t = workspace.check_times[i]
         if math.floor(t / spacing) == math.floor(before / spacing):
             continue
         before = t
         m.state.counts.rhs += 1
         set_point(m, h, i)
-        set_force(m.right.force, t, point, force)
-        for c in range(force.shape[0]):
-            defect = force[c]
+        set_force(m.right.force, t, point, f_at_point)
+        for c in range(f_at_point.shape[0]):
+            defect = f_at_point[c]
             for j in range(at_nodes.shape[1]):
                 defect -= check_values[i, j] * at_nodes[c, j]
             alike = max(abs(defects[c]), _ROUNDING_OF_F * force_scales[c])
             moved = abs(defect) * largest_of(sums[kinds[c]], 0, sums.shape[1])
             if not (
                 abs(defect) <= _MIN_DEFECT_RATIO_IF_MISSED * alike
-                or moved <= _MIN_CHANGE_IF_MISSED * goal[c]
+                or moved <= _MIN_CHANGE_IF_MISSED * newton_tol[c]
             ):
                 return t
     return 0.0
@@ -223,15 +228,16 @@ def look_once_more(m, h):
 
 @inner
 def update_force_defect(m, i, point):
-    """Raise `m.room.defect` (d,) to the difference of f and its polynomial at check point i.
+    """Raise `m.workspace.defect` (d,) to the difference of f and its polynomial at check point i.
 
     The argument of f is `point` (d,).
     """
-    force, force_defect, forces = m.room.force, m.room.defect, m.room.values[0, FORCE]
+    f_at_point = m.workspace.f_at_point
+    force_defect, forces = m.workspace.defect, m.workspace.values[0, FORCE]
     check_values = m.rule.check_values[i]
-    set_force(m.right.force, m.room.check_times[i], point, force)
+    set_force(m.right.force, m.workspace.check_times[i], point, f_at_point)
     for c in range(point.shape[0]):
-        total = force[c]
+        total = f_at_point[c]
         for j in range(check_values.shape[0]):
             total -= check_values[j] * forces[c, j]
         if not abs(total) <= abs(force_defect[c]):  # NaN counts as the largest
@@ -250,18 +256,18 @@ def largest_of(values, first, many):
 
 @inner
 def defect_matters(m):
-    """Return whether the defect of f, integrated over the step, moves p far beyond Newton's goal.
+    """Return whether the defect of f, integrated over h, moves p far beyond Newton's tolerance.
 
     A damping by the equations is not considered. Defects within the rounding error of f are
     ignored.
     """
-    sums, kinds, force_scales = m.operators.sums, m.equations.kinds, m.room.force_scales
-    force_defect, goal = m.room.defect, m.room.goal
+    sums, kinds, force_scales = m.operators.sums, m.equations.kinds, m.workspace.force_scales
+    force_defect, newton_tol = m.workspace.defect, m.workspace.newton_tol
     for c in range(force_defect.shape[0]):
         size = largest_of(sums[kinds[c]], 0, sums.shape[1])
         if (
             abs(force_defect[c]) > _ROUNDING_OF_F * force_scales[c]
-            and abs(force_defect[c]) * size > _CHECK_BEYOND * goal[c]
+            and abs(force_defect[c]) * size > _CHECK_BEYOND * newton_tol[c]
         ):
             return True
     return False
@@ -274,28 +280,29 @@ def equations_hold(m):
     Difference quotients across a jump of f give a huge Jacobian. With it Newton's method makes
     small changes, and seems to have converged.
     """
-    room, p, x = m.room, m.room.values[0, PRIMARY], m.room.values[0, POSITION]
-    f, goal, change = room.before, room.goal, room.change
+    workspace, p, x = m.workspace, m.workspace.values[0, PRIMARY], m.workspace.values[0, POSITION]
+    f, newton_tol, change = workspace.before, workspace.newton_tol, workspace.change
     forces(m, x, f)
-    residuals(m, room.base[0], p, x, f)
+    residuals(m, workspace.base[0], p, x, f)
     solve_newton(m)
     s = p.shape[1]
     for c in range(p.shape[0]):
         for i in range(s):
-            if not abs(change[c * s + i]) <= _MAX_RESIDUAL_CHANGE * goal[c]:
+            if not abs(change[c * s + i]) <= _MAX_RESIDUAL_CHANGE * newton_tol[c]:
                 return False
     return True
 
 
 @inner
 def add_force_defect(m):
-    """Raise `m.room.errors` (d,) to a fraction of the error of p that the defect of f causes.
+    """Raise `m.workspace.errors` (d,) to a fraction of the error of p that the defect of f causes.
 
     Defects within the rounding error of f are ignored.
     """
-    sums, kinds, force_scales = m.operators.sums, m.equations.kinds, m.room.force_scales
-    errors, force_defect, d, s = m.room.errors, m.room.defect, kinds.shape[0], sums.shape[1]
-    defect, nodal_errors = m.room.residual, m.room.change
+    sums, kinds, force_scales = m.operators.sums, m.equations.kinds, m.workspace.force_scales
+    errors, force_defect = m.workspace.errors, m.workspace.defect
+    d, s = kinds.shape[0], sums.shape[1]
+    defect, nodal_errors = m.workspace.residual, m.workspace.change
     for c in range(d):
         excess = force_defect[c]
         if abs(excess) <= _ROUNDING_OF_F * force_scales[c]:
@@ -343,17 +350,18 @@ def legendre_tail(legendre, values, rounding):
 
 
 @inner
-def tangent_error_ratio(m, h, slot):
+def tangent_error_ratio(m, h, table_index):
     """Return the largest ratio of a tangent's error to its tolerance, over all tangents.
 
     The tolerance is relative to the tangent's size. Size and error are the largest among the
     components, each divided by the component's unit. The derivative by a parameter p has at least
     the size ``_OF_QUOTIENT / |p|``.
     """
-    values, p0, errors, units = m.room.values, m.orbit.initial, m.room.errors, m.room.units
+    values, p0 = m.workspace.values, m.orbit.initial
+    errors, units = m.workspace.errors, m.workspace.units
     worst, rtol = 0.0, max(m.limits.rtol, _TANGENT)
     for column in range(1, values.shape[0]):
-        estimate_error(m, h, m.tables.local[slot], values[column], p0[column], errors)
+        estimate_error(m, h, m.tables.local[table_index], values[column], p0[column], errors)
         size = 0.0
         for q in range(PRIMARY, values.shape[1]):
             for c in range(errors.shape[0]):
@@ -376,26 +384,28 @@ def error_ratio(m, h):
 
     It covers y, and y' where y' is the primary unknown p. The tolerance of p is at least the
     rounding error of p(0), because p is a difference of p(0) and terms of the same size. It is at
-    least Newton's goal as well.
+    least Newton's tolerance as well.
     """
-    limits, errors, second, values = m.limits, m.room.errors, m.equations.second, m.room.values[0]
-    sizes, goal, p0, largest = m.room.sizes, m.room.goal, m.orbit.initial[0], m.state.largest
-    control, worst, before = m.state.control, 0.0, m.room.sizes_before
+    limits, errors = m.limits, m.workspace.errors
+    above_one, values = m.equations.above_one, m.workspace.values[0]
+    sizes, newton_tol = m.workspace.sizes, m.workspace.newton_tol
+    p0, largest = m.orbit.initial[0], m.state.largest
+    control, worst, before = m.state.control, 0.0, m.workspace.sizes_before
     end = control.origin + control.time + h
     for c in range(errors.shape[0]):
         size_p, size_x, size = 0.0, 0.0, sizes[c]
         for i in range(values.shape[2]):
             size_p = max(size_p, abs(values[PRIMARY, c, i]))
             size_x = max(size_x, abs(values[POSITION, c, i]))
-        if second[c] == 1:
+        if above_one[c] == 1:
             size_p = max(size_p, largest[c])
             allowed = max(allowed_error(c, size_x, size, 0, end, limits), LEAST)
             worst = max(worst, h * errors[c] / allowed)
-        allowed = allowed_error(c, size_p, size, second[c], end, limits)
-        if second[c] == 0 and before[c] > LEAST:
+        allowed = allowed_error(c, size_p, size, above_one[c], end, limits)
+        if above_one[c] == 0 and before[c] > LEAST:
             at_start = _AT_START * allowed_error(c, before[c], before[c], 0, end, limits)
             allowed = min(allowed, max(at_start, _ROUNDING_OF_STEP * size_p))
-        allowed = max(allowed, _ROUNDING_OF_P * abs(p0[c]), goal[c], LEAST)
+        allowed = max(allowed, _ROUNDING_OF_P * abs(p0[c]), newton_tol[c], LEAST)
         if errors[c] / allowed > worst:
             worst, control.worst = errors[c] / allowed, c
         if not errors[c] < np.inf:
@@ -404,26 +414,27 @@ def error_ratio(m, h):
 
 
 @inner
-def orbit_error(m, h, slot):
+def orbit_error(m, h, table_index):
     """Estimate the error of a solved step of the orbit; return its ratio to the tolerance.
 
     Also returns whether the ratio exceeds 1 for the defect of f between the nodes alone. In
-    `m.room.values` f becomes f minus the terms of rows d + c, and p' is set if needed.
+    `m.workspace.values` f becomes f minus the terms of rows d + c, and p' is set if needed.
     """
-    room, values, counts, start = m.room, m.room.values, m.state.counts, m.orbit.initial[0]
+    workspace, values = m.workspace, m.workspace.values
+    counts, start = m.state.counts, m.orbit.initial[0]
     measure_force_defect(m, h)
     counts.rhs += FIRST_LOOK
     # from an edge, the infinite slope of f turns a small error of y into a large one of f
     at_edge = m.stages.control[AT_EDGE] == 1.0
     missed = 0.0 if at_edge else look_once_more(m, h)
     if not at_edge and defect_matters(m):
-        counts.rhs += room.times.shape[0]
+        counts.rhs += workspace.times.shape[0]
         if not equations_hold(m):
             return np.inf, True
-    subtract_from_forces(m.equations.kinds, m.operators.matrices, room.base, values[:1])
+    subtract_from_forces(m.equations.kinds, m.operators.matrices, workspace.base, values[:1])
     if values.shape[1] > SLOPE:
         nodal_slopes(h, m.rule.inverse, m.orbit.p[0], values[0, PRIMARY], values[0, SLOPE])
-    estimate_error(m, h, m.tables.local[slot], values[0], start, room.errors)
+    estimate_error(m, h, m.tables.local[table_index], values[0], start, workspace.errors)
     ratio_at_nodes = error_ratio(m, h)
     add_force_defect(m)
     ratio = error_ratio(m, h)
@@ -433,15 +444,15 @@ def orbit_error(m, h, slot):
 
 
 @inner
-def tangents_error(m, h, slot):
+def tangents_error(m, h, table_index):
     """Return the largest ratio of error to tolerance of the solved tangents.
 
-    In `m.room.values` f becomes f minus the terms of rows d + c, and p' is set if needed.
+    In `m.workspace.values` f becomes f minus the terms of rows d + c, and p' is set if needed.
     """
-    p, values, base = m.orbit.p, m.room.values, m.room.base
+    p, values, base = m.orbit.p, m.workspace.values, m.workspace.base
     subtract_from_forces(m.equations.kinds, m.operators.matrices, base[1:], values[1:])
     if values.shape[1] > SLOPE:
         for column in range(1, p.shape[0]):
             own = values[column]
             nodal_slopes(h, m.rule.inverse, p[column], own[PRIMARY], own[SLOPE])
-    return tangent_error_ratio(m, h, slot)
+    return tangent_error_ratio(m, h, table_index)

@@ -28,7 +28,7 @@ def jump(system, form, orbit, t, counts):
     free = (form.implicit == 1) & np.isfinite(stiffness) & (stiffness != 0)
     if not free.any():
         return True
-    p, x, is_y = orbit.p.copy(), orbit.x.copy(), form.second == 0
+    p, x, is_y = orbit.p.copy(), orbit.x.copy(), form.above_one == 0
     before = _forces(system, system.beside(t, -1), x, counts)[0] if t > 0 else coefficients_of_p * p
     stiffness = np.where(free, stiffness + coefficients_of_p, 1.0)
     for _ in range(_JUMP_NEWTON_MAXITER):
@@ -51,17 +51,17 @@ def _forces(system, t, x, counts):
 
     x (1 + k, d) is y of the orbit and of its tangents.
     """
-    force, jacobian = system.force(t, x[0]), system.derivative(t, x[0])
+    f, jacobian = system.rhs(t, x[0]), system.derivative(t, x[0])
     jacobian = jacobian if system.structure is None else jacobian.toarray()
     counts["rhs"] += 1
-    forces = np.vstack([force, x[1:] @ jacobian.T])
+    forces = np.vstack([f, x[1:] @ jacobian.T])
     forces[1 : 1 + system.by_params] += system.derivatives_by_parameters(t, x[0])
     return forces, jacobian
 
 
 def _stiffness(form):
     """Return ``sum_k c_k K_k(0)`` over the terms with p', (d,); infinite for singular kernels."""
-    d, n_a = form.second.size, form.orders.size
+    d, n_a = form.above_one.size, form.orders.size
     total = np.zeros(d)
     for c, q, k, coefficient in form.listed:
         if q != SLOPE:
@@ -76,7 +76,7 @@ def _stiffness(form):
 
 def _coefficients_of_p(form):
     """Return the sum of the coefficients of terms that are p itself, (d,)."""
-    d = form.second.size
+    d = form.above_one.size
     total = np.zeros(d)
     for c, q, k, coefficient in form.listed:
         if k == ITSELF and q == PRIMARY:

@@ -3,7 +3,7 @@
 Letters of shapes: d components, R rows of the equations, s nodes, M modes, k tangents. There are
 n_q integrands: f, p and y, and p' if needed. Row c < d is p of component c, row d + c the terms
 subtracted from its f. The primary unknown p is y, or y' for orders above 1. `m` is an
-`AdaptiveWork`, `m.room` its workspace.
+`AdaptiveWork`, `m.workspace` its workspace.
 """
 
 from functools import lru_cache
@@ -20,7 +20,7 @@ from .mode_tables import (
     advance_modes,
     fill_kernels,
     fill_nothing,
-    find_slot,
+    find_factors,
     floor_to_grid,
     read_modes,
     read_nothing,
@@ -47,48 +47,49 @@ from .structures import (
     AdaptiveMarch,
     FirstJacobian,
 )
-from .tolerances import SMALL, raise_small, raise_to_least, set_newton_goal
+from .tolerances import SMALL, raise_small, raise_to_least, set_newton_tol
 
 
 @inner
-def attempt(march, t, h, slot):
-    """Solve a step of length h from t: f, p and y at the nodes, stored in `m.room.values`.
+def attempt(march, t, h, table_index):
+    """Solve a step of length h from t: f, p and y at the nodes, stored in `m.workspace.values`.
 
-    `slot` is the index of the tables for h. Returns the ratio of the error to the tolerance, and
-    whether Newton's method converged. The third result is whether the ratio exceeds 1 only for the
-    defect of f between the nodes.
+    `table_index` is the index of the tables for h. Returns the ratio of the error to the tolerance,
+    and whether Newton's method converged. The third result is whether the ratio exceeds 1 only for
+    the defect of f between the nodes.
     """
     m = march.work
-    orbit, state, room, equations, limits = m.orbit, m.state, m.room, m.equations, m.limits
-    n_columns, values, origin = orbit.x.shape[0], room.values, state.control.origin
+    orbit, state = m.orbit, m.state
+    workspace, equations, limits = m.workspace, m.equations, m.limits
+    n_columns, values, origin = orbit.x.shape[0], workspace.values, state.control.origin
     for column in range(n_columns):
-        read_modes(orbit.modes[column], m.tables.to_nodes[slot], room.base[column])
+        read_modes(orbit.modes[column], m.tables.to_nodes[table_index], workspace.base[column])
         if m.varying.integrals.shape[0] > 0:
-            march.read_varying(m, slot, column)
+            march.read_varying(m, table_index, column)
     set_known_part(m)
-    set_times(origin, t, h, m.rule.nodes, limits, room.times)
-    set_times(origin, t, h, m.rule.check_points, limits, room.check_times)
+    set_times(origin, t, h, m.rule.nodes, limits, workspace.times)
+    set_times(origin, t, h, m.rule.check_points, limits, workspace.check_times)
     extrapolate(m, h)
-    put(state.sizes, room.sizes)
-    begins = raise_to_least(equations, room.sizes)
-    put(room.sizes, room.sizes_before)
-    set_units(equations, room.sizes, orbit.x[0], limits, room.units)
-    set_starts(orbit, equations.second, room.starts)
+    put(state.sizes, workspace.sizes)
+    begins = raise_to_least(equations, workspace.sizes)
+    put(workspace.sizes, workspace.sizes_before)
+    set_units(equations, workspace.sizes, orbit.x[0], limits, workspace.units)
+    set_starts(orbit, equations.above_one, workspace.starts)
     solved = False
     for _ in range(2 if begins else 1):  # a quantity of size 0 gets its size from a first solution
-        set_newton_goal(m, h)
+        set_newton_tol(m, h)
         solved = solve_at_edge(m, h) if m.stages.control[AT_EDGE] == 1.0 else solve_stages(m, h)
         if not solved:
             break
-        raise_sizes(values[0], room.sizes)
+        raise_sizes(values[0], workspace.sizes)
         if begins:  # these sizes remain if the step is rejected
             raise_sizes(values[0], state.sizes)
-        raise_to_least(equations, room.sizes)
+        raise_to_least(equations, workspace.sizes)
     ratio, by_defect = np.inf, False
     if solved:
-        ratio, by_defect = orbit_error(m, h, slot)
+        ratio, by_defect = orbit_error(m, h, table_index)
     if ratio <= 1.0 and n_columns > 1:
-        more = march.solve_for_tangents(m, h, slot)
+        more = march.solve_for_tangents(m, h, table_index)
         ratio, solved = max(ratio, more), more < np.inf
     return ratio, solved, by_defect
 
@@ -107,11 +108,11 @@ def set_times(origin, t, h, nodes, limits, times):
 
 @inner
 def set_known_part(m):
-    """Add initial values and offsets to the history in `m.room.base` (1 + k, R, s).
+    """Add initial values and offsets to the history in `m.workspace.base` (1 + k, R, s).
 
     The result is the known part of each row: all that does not depend on the solution of this step.
     """
-    initial, p, kinds, base = m.orbit.initial, m.orbit.p, m.equations.kinds, m.room.base
+    initial, p, kinds, base = m.orbit.initial, m.orbit.p, m.equations.kinds, m.workspace.base
     constant, start_weights = m.operators.constant, m.operators.start_weights
     d, n_kinds = p.shape[1], number_of(kinds)
     for column in range(base.shape[0]):
@@ -126,10 +127,10 @@ def set_known_part(m):
 
 
 @inner
-def set_starts(orbit, second, starts):
+def set_starts(orbit, above_one, starts):
     """Set `starts` (d,) to |p(0)| for components with p = y, to 0 for others."""
     for c in range(starts.shape[0]):
-        starts[c] = abs(orbit.initial[0, c]) if second[c] == 0 else 0.0
+        starts[c] = abs(orbit.initial[0, c]) if above_one[c] == 0 else 0.0
 
 
 @inner
@@ -173,13 +174,13 @@ def extrapolate(m, h):
     """Extrapolate the polynomial of p on the last step to the nodes of the next step of length h.
 
     The result is the first guess of Newton's method. Differences from p at the end of the last step
-    are extrapolated, so a constant is exact. `m.room.change` (d s,) becomes p at the end of the
-    last step minus the result.
+    are extrapolated, so a constant is exact. `m.workspace.change` (d s,) becomes p at the end of
+    the last step minus the result.
     """
     # last, out (d, s): p at the nodes of the last and of the next step; reached (s, s): weights
     nodes, legendre, p, h_last = m.rule.nodes, m.rule.legendre, m.orbit.p[0], m.state.control.last
-    last, out = m.orbit.last[0, PRIMARY], m.room.values[0, PRIMARY]
-    reached, change = m.room.reached, m.room.change
+    last, out = m.orbit.last[0, PRIMARY], m.workspace.values[0, PRIMARY]
+    reached, change = m.workspace.reached, m.workspace.change
     d, s = out.shape
     clear_matrix(reached)
     for i in range(s if h_last > 0.0 else 0):
@@ -221,9 +222,9 @@ def take_steps(march):
     m = march.work
     rule, equations, varying, orbit, limits = m.rule, m.equations, m.varying, m.orbit, m.limits
     control, counts, stages = m.state.control, m.state.counts, m.stages
-    local, values, s = m.tables.local, m.room.values, rule.nodes.shape[0]
+    local, values, s = m.tables.local, m.workspace.values, rule.nodes.shape[0]
     lowest, row, assembled_for = lowest_order(equations), 0, -1.0
-    was_refused, end = control.refused == 1.0, limits.stop - control.origin
+    was_rejected, end = control.rejected == 1.0, limits.stop - control.origin
     while control.time < end:
         if row == m.steps.starts.shape[0]:
             return row, FULL
@@ -234,26 +235,26 @@ def take_steps(march):
             return row, TOO_CLOSE
         if not orders_tabulated(t, h, varying):
             return row, ORDERS_NEEDED
-        slot = find_slot(march, h)
+        table_index = find_factors(march, h)
         if h != assembled_for or equations.unweighted.shape[0] > 0:
             first = local.shape[1] - varying.integrals.shape[0]
-            put_cube(varying.integrals, local[slot, first:])
-            assemble_operators(h, equations, rule, local[slot], m.operators)
+            put_cube(varying.integrals, local[table_index, first:])
+            assemble_operators(h, equations, rule, local[table_index], m.operators)
         if equations.unweighted.shape[0] > 0:  # varying orders change the matrices in every step
             stages.control[LENGTH] = 0.0
         assembled_for = h
-        ratio, solved, by_defect = attempt(march, t, h, slot)
+        ratio, solved, by_defect = attempt(march, t, h, table_index)
         # an error that allows more growth than _MAX_FACTOR does not show what a longer step would
         # miss
         idle = ratio < (_SAFETY / _MAX_FACTOR) ** (s + lowest)
         longest = floor_to_grid(limits.longest_idle if idle else limits.longest)
-        planned = next_length(h, control.next, ratio, was_refused, s + lowest)
+        planned = next_length(h, control.next, ratio, was_rejected, s + lowest)
         planned = worth_new_factors(h, planned, ratio, stages)
         control.next = min(planned, longest)
-        was_refused = not ratio <= 1.0
-        control.refused = 1.0 if was_refused else 0.0
-        if was_refused:
-            counts.refused += 1
+        was_rejected = not ratio <= 1.0
+        control.rejected = 1.0 if was_rejected else 0.0
+        if was_rejected:
+            counts.rejected += 1
             counts.by_defect += int(by_defect)
             if not t + 0.01 * control.next > t:
                 return row, reason_of_refusal(by_defect, solved)
@@ -265,7 +266,7 @@ def take_steps(march):
         put_cube(orbit.modes, orbit.before)
         for column in range(values.shape[0]):
             put_cube(values[column], orbit.last[column])
-        advance_orbit(m, h, slot)
+        advance_orbit(m, h, table_index)
         row += 1
         control.time, control.last = (end if h == left else t + h), h
     return row, REACHED
@@ -275,26 +276,26 @@ def take_steps(march):
 def march_adaptive(march):
     """March until `limits.stop`; return the number of accepted steps and a status code."""
     m = march.work
-    equations, room = m.equations, m.room
-    put(m.state.sizes, room.sizes)
-    raise_to_least(equations, room.sizes)
-    set_units(equations, room.sizes, m.orbit.x[0], m.limits, room.units)
-    set_scales(room.units, m.stages)
+    equations, workspace = m.equations, m.workspace
+    put(m.state.sizes, workspace.sizes)
+    raise_to_least(equations, workspace.sizes)
+    set_units(equations, workspace.sizes, m.orbit.x[0], m.limits, workspace.units)
+    set_scales(workspace.units, m.stages)
     set_mode_weights(equations, m.basis.weights, m.varying.of_varying, m.weights)
     return take_steps(march)
 
 
 @plug_in
-def solve_for_tangents(m, h, slot):
+def solve_for_tangents(m, h, table_index):
     """Solve a step of length h for the tangents; return the ratio of error to tolerance.
 
     The result is infinite if the equations of the tangents could not be solved.
     """
-    return tangents_error(m, h, slot) if solve_tangent_stages(m, h) else np.inf
+    return tangents_error(m, h, table_index) if solve_tangent_stages(m, h) else np.inf
 
 
 @plug_in
-def no_tangents(m, h, slot):
+def no_tangents(m, h, table_index):
     """Do nothing, in place of `solve_for_tangents`, if a march has no tangents."""
     return 0.0
 
@@ -365,7 +366,7 @@ def orders_tabulated(t, h, varying):
 
 
 @inner
-def next_length(h, planned, ratio, was_refused, order):
+def next_length(h, planned, ratio, was_rejected, order):
     """Return the length of the next step after a step of length h.
 
     `ratio` is the error of the step over the tolerance, infinite if the step was not solved. The
@@ -378,7 +379,7 @@ def next_length(h, planned, ratio, was_refused, order):
     if not ratio < np.inf:
         return 0.25 * h
     factor = _SAFETY * max(ratio, 1e-12) ** (-1.0 / order)
-    return floor_to_grid(h * max(_MIN_FACTOR, min(1.0 if was_refused else _MAX_FACTOR, factor)))
+    return floor_to_grid(h * max(_MIN_FACTOR, min(1.0 if was_rejected else _MAX_FACTOR, factor)))
 
 
 @inner
@@ -408,11 +409,11 @@ def absorb_constant_mode(rates, orbit):
 
 
 @inner
-def advance_orbit(m, h, slot):
+def advance_orbit(m, h, table_index):
     """Advance y, p and the modes of the orbit and its tangents to the end of the solved step."""
     x, p, values = m.orbit.x, m.orbit.p, m.orbit.last
     for column in range(values.shape[0]):
-        advance_modes(m, h, slot, column)
+        advance_modes(m, h, table_index, column)
         own = values[column]
         put(own[POSITION, :, -1], x[column])
         put(own[PRIMARY, :, -1], p[column])
@@ -421,16 +422,16 @@ def advance_orbit(m, h, slot):
 @inner
 def record_step(m, t, h, ratio, row):
     """Store an accepted step in a row of `m.steps`; update the largest |p| so far if p is y'."""
-    steps, second, largest = m.steps, m.equations.second, m.state.largest
+    steps, above_one, largest = m.steps, m.equations.above_one, m.state.largest
     x, p, nodal, at_start = m.orbit.x, m.orbit.p, steps.p[row], steps.at_starts[row]
     d, s = x.shape[1], nodal.shape[1]
     steps.starts[row], steps.lengths[row], steps.errors[row] = m.state.control.origin + t, h, ratio
     for column in range(nodal.shape[0] // d):
         first = d * column
-        put_matrix(m.room.values[column, PRIMARY], nodal[first : first + d])
+        put_matrix(m.workspace.values[column, PRIMARY], nodal[first : first + d])
         for c in range(d):
             at_start[0, first + c], at_start[1, first + c] = x[column, c], p[column, c]
     for c in range(d):
         for i in range(s):
-            if second[c] == 1:
+            if above_one[c] == 1:
                 largest[c] = max(largest[c], abs(nodal[c, i]))

@@ -2,7 +2,7 @@
 
 A step reads the modes at its nodes and advances them to its end, by factors that depend on the
 step's length alone. Lengths lie on a grid (`floor_to_grid`), so few different lengths occur in a
-run. A slot of a table stores the factors of one length. The order of modes is that of
+run. Each index of a table has the factors of one length. The order of modes is that of
 kernels/mode_bank.py.
 
 Letters of shapes: d components, R rows of the equations, s nodes, M modes, n_a fractional
@@ -25,8 +25,8 @@ _PER_OCTAVE = 8
 # A step length in [2**k, 2**(k + 1)) is a multiple of 2**k over this number, so sums of lengths are
 # exact. Rounding errors of equal steps would accumulate to a drift of time.
 _LENGTHS_PER_BINADE = 2.0**12
-# Number of slots of a table; step lengths whose ratio is a power of 2**(N_TABLE_LENGTHS /
-# _PER_OCTAVE) share a slot.
+# Number of step lengths of a table; step lengths whose ratio is a power of 2**(N_TABLE_LENGTHS /
+# _PER_OCTAVE) share an index.
 N_TABLE_LENGTHS = 64
 # Largest number of tables that remain in storage for later runs. Each table has the factors of up
 # to 64 step lengths, a few hundred kB.
@@ -57,13 +57,13 @@ def empty_weights(form, modes, offsets, s):
 
 def empty_tables(n_modes, s, n_kernels):
     """Return `StepTables` without the factors of any length, for s nodes and n_kernels kernels."""
-    slots = (
+    shapes = (
         (N_TABLE_LENGTHS, n_modes, s),
         (N_TABLE_LENGTHS, n_modes),
         (N_TABLE_LENGTHS, s, n_modes),
         (N_TABLE_LENGTHS, n_kernels, s, s),
     )
-    return checked(StepTables(np.zeros(N_TABLE_LENGTHS), *(np.empty(shape) for shape in slots)))
+    return checked(StepTables(np.zeros(N_TABLE_LENGTHS), *(np.empty(shape) for shape in shapes)))
 
 
 @inner
@@ -77,25 +77,26 @@ def floor_to_grid(h):
 
 
 @inner
-def find_slot(march, h):
-    """Return the slot of the factors for a step of length h; compute missing factors."""
+def find_factors(march, h):
+    """Return the index of the factors for a step of length h; compute missing factors."""
     lengths = march.work.tables.lengths
-    slot = math.floor(_PER_OCTAVE * math.log2(h) + 0.5) % lengths.shape[0]
-    if lengths[slot] != h:
-        lengths[slot] = 0.0
-        fill_slot(march.work, h, slot)
+    table_index = math.floor(_PER_OCTAVE * math.log2(h) + 0.5) % lengths.shape[0]
+    if lengths[table_index] != h:
+        lengths[table_index] = 0.0
+        fill_factors(march.work, h, table_index)
         if march.work.basis.masses.shape[0] > 0:
-            march.fill_kernels(march.work, h, slot)
-        lengths[slot] = h
-    return slot
+            march.fill_kernels(march.work, h, table_index)
+        lengths[table_index] = h
+    return table_index
 
 
 @inner
-def fill_slot(m, h, slot):
-    """Compute the factors of modes with real rates in a slot, for a step of length h."""
+def fill_factors(m, h, table_index):
+    """Compute the factors of modes with real rates for a step of length h."""
     rates, nodes, tables, real = m.basis.rates, m.rule.nodes, m.tables, m.weights.coefficients
     s = nodes.shape[0]
-    to_nodes, to_end, moments = tables.to_nodes[slot], tables.to_end[slot], tables.moments[slot]
+    to_nodes = tables.to_nodes[table_index]
+    to_end, moments = tables.to_end[table_index], tables.moments[table_index]
     for e in range(rates.shape[0]):
         for i in range(s):
             to_nodes[e, i] = decay(rates[e] * (h * nodes[i]))
@@ -105,10 +106,11 @@ def fill_slot(m, h, slot):
 
 
 @plug_in
-def fill_kernels(m, h, slot):
-    """Compute the factors of complex modes and the convolutions with general kernels in a slot."""
+def fill_kernels(m, h, table_index):
+    """Compute the factors of complex modes and the convolutions with general kernels."""
     basis, nodes, tables, s = m.basis, m.rule.nodes, m.tables, m.rule.nodes.shape[0]
-    to_nodes, to_end, moments = tables.to_nodes[slot], tables.to_end[slot], tables.moments[slot]
+    to_nodes = tables.to_nodes[table_index]
+    to_end, moments = tables.to_end[table_index], tables.moments[table_index]
     pairs, turned, n_rates = basis.pairs, np.empty(s, dtype=np.complex128), basis.rates.shape[0]
     for n in range(pairs.shape[0]):
         e, other = n_rates + n, n_rates + pairs.shape[0] + n
@@ -123,12 +125,12 @@ def fill_kernels(m, h, slot):
     n_kernels = basis.masses.shape[0]
     first = basis.weights.shape[0] - n_kernels
     for k in range(n_kernels):
-        weights, matrix = basis.weights[first + k], tables.local[slot, k]
+        weights, matrix = basis.weights[first + k], tables.local[table_index, k]
         set_kernel_matrix(h, nodes, basis, weights, basis.masses[k], matrix)
 
 
 @plug_in
-def fill_nothing(m, h, slot):
+def fill_nothing(m, h, table_index):
     """Do nothing, in place of `fill_kernels`, if there is no general kernel."""
 
 
@@ -183,15 +185,16 @@ def read_modes(modes, to_nodes, out):
 
 
 @plug_in
-def read_varying(m, slot, column):
-    """Add the history of terms with varying orders to `m.room.base` of one column.
+def read_varying(m, table_index, column):
+    """Add the history of terms with varying orders to `m.workspace.base` of one column.
 
     Their modes have no weights; the weights for the order at each node are in `m.varying`.
     """
     # modes (R, M); to_nodes (M, s): decay of the modes to the nodes; out (R, s)
-    modes, to_nodes, out = m.orbit.modes[column], m.tables.to_nodes[slot], m.room.base[column]
+    modes = m.orbit.modes[column]
+    to_nodes, out = m.tables.to_nodes[table_index], m.workspace.base[column]
     terms, weights, unweighted = m.equations.terms, m.varying.weights, m.equations.unweighted
-    d, first = m.equations.second.shape[0], 1 - weights.shape[0]
+    d, first = m.equations.above_one.shape[0], 1 - weights.shape[0]
     for n in range(terms.shape[0]):  # varying orders have the last indices
         first = max(first, terms[n].index + 1 - weights.shape[0])
     for n in range(terms.shape[0]):
@@ -209,12 +212,12 @@ def read_varying(m, slot, column):
 
 
 @plug_in
-def read_nothing(m, slot, column):
+def read_nothing(m, table_index, column):
     """Do nothing, in place of `read_varying`, if no order varies."""
 
 
 @inner
-def advance_modes(m, h, slot, column):
+def advance_modes(m, h, table_index, column):
     """Advance the modes of one column over a step of length h.
 
     The modes decay, and the integrals of the integrands' polynomials over the step are added. Row c
@@ -223,7 +226,8 @@ def advance_modes(m, h, slot, column):
     # to_end (M,): decay; moments (s, M): integrals of Legendre polynomials; values (n_q, d, s):
     # integrands at the nodes; modes (R, M)
     values, modes = m.orbit.last[column], m.orbit.modes[column]
-    to_end, moments, legendre = m.tables.to_end[slot], m.tables.moments[slot], m.rule.legendre
+    to_end = m.tables.to_end[table_index]
+    moments, legendre = m.tables.moments[table_index], m.rule.legendre
     kinds, weights, offsets, used = m.equations.kinds, m.weights, m.weights.offsets, m.weights.used
     integrands, part, coefficients = weights.integrands, weights.part, weights.coefficients
     d, s, n_kinds, n_real = values.shape[1], values.shape[2], number_of(kinds), m.basis.rates.size

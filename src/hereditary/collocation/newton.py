@@ -7,8 +7,8 @@ polynomials through their values at s nodes, whose fractional integrals over the
 history before the step is a sum of exponential modes, advanced by exact moments.
 
 Letters of shapes: d components, s nodes, R rows of the equations, k tangents. `m` is an
-`AdaptiveWork`, and `m.room` its workspace. x is y at the nodes. An *algebraic row* is 0 = f, the
-equation of a component without a derivative.
+`AdaptiveWork`, and `m.workspace` its workspace. x is y at the nodes. An *algebraic row* is 0 = f,
+the equation of a component without a derivative.
 """
 
 import numpy as np
@@ -45,8 +45,8 @@ _TANGENT_NEWTON_MAXITER = 30
 _TANGENT_NEWTON_RTOL = 1e-11
 # Least relative change of p at which Newton's method converges, for components without a size.
 _MIN_NEWTON_RTOL = 1e-14
-# Least absolute change of p at which Newton's method converges; a component whose goal is below
-# this has no size yet.
+# Least absolute change of p at which Newton's method converges; a component whose tolerance is
+# below this has no size yet.
 _MIN_NEWTON_ATOL = 1e-202
 # Change of p at which Newton's method converges, as fraction of the largest |p| of all components,
 # for components without a size.
@@ -72,10 +72,10 @@ def nodal_slopes(h, inverse, start, p, out):
 def positions(m, h, p, x_start, x):
     """Set x (d, s) to y at the nodes: p (d, s) or, where p is y', `x_start` plus its integral."""
     # x_start (d,): y at the start of the step; integral (s, s): integrals of order 1
-    second, integral = m.equations.second, m.rule.integrals[m.equations.orders.shape[0] - 1]
+    above_one, integral = m.equations.above_one, m.rule.integrals[m.equations.orders.shape[0] - 1]
     for c in range(p.shape[0]):
         for i in range(p.shape[1]):
-            if second[c] == 0:
+            if above_one[c] == 0:
                 x[c, i] = p[c, i]
                 continue
             total = 0.0
@@ -88,15 +88,15 @@ def positions(m, h, p, x_start, x):
 def forces(m, x, f):
     """Set f (d, s) to the right-hand side at y = x (d, s) at all nodes; return if f is finite."""
     # times (s,): of the nodes
-    times = m.room.times
-    point, force, finite = m.room.point, m.room.force, True
+    times = m.workspace.times
+    point, f_at_point, finite = m.workspace.point, m.workspace.f_at_point, True
     for i in range(times.shape[0]):
         for c in range(point.shape[0]):
             point[c] = x[c, i]
-        set_force(m.right.force, times[i], point, force)
+        set_force(m.right.force, times[i], point, f_at_point)
         for c in range(point.shape[0]):
-            f[c, i] = force[c]
-            finite = finite and abs(force[c]) < np.inf
+            f[c, i] = f_at_point[c]
+            finite = finite and abs(f_at_point[c]) < np.inf
     return finite
 
 
@@ -110,7 +110,7 @@ def factorise_newton(m, h, p, jacobians):
     stages, matrices, over_step = m.stages, m.operators.matrices, m.stages.integral
     integral = m.rule.integrals[m.equations.orders.shape[0] - 1]  # integrals of order 1
     few = stages.jacobians.shape[0] > 1
-    for kind in range(stages.second.shape[0]):
+    for kind in range(stages.above_one.shape[0]):
         put_cube(matrices[kind], stages.matrices[kind])
     for i in range(integral.shape[0]):
         for j in range(integral.shape[0]):
@@ -123,11 +123,11 @@ def factorise_newton(m, h, p, jacobians):
 
 @inner
 def solve_newton(m):
-    """Solve Newton's linear system: `m.room.change` (d s,) from the residual `m.room.residual`."""
-    residual, change, stages = m.room.residual, m.room.change, m.stages
+    """Solve Newton's linear system: `change` (d s,) from `residual`, both in the workspace."""
+    residual, change, stages = m.workspace.residual, m.workspace.change, m.stages
     if stages.jacobians.shape[0] == 1:
         put(residual, change)
-        m.solver(SUBSTITUTE, m.room.nodal_change, stages)
+        m.solver(SUBSTITUTE, m.workspace.nodal_change, stages)
     else:
         substitute_scaled(stages.joint, stages.dense[0, 0], stages.scales, residual, change)
 
@@ -136,19 +136,21 @@ def solve_newton(m):
 def solve_stages(m, h):
     """Solve a step of length h for p at the nodes by Newton's method; return if it converged.
 
-    `m.room.values` has the first guess of p. `m.room.change` (d s,) has p at the start of the step
-    minus this guess. The method has converged if p is accurate to `m.room.goal` (d,). It also sets
-    y and f; f is corrected to first order for the last change of p. `m.state.contraction` records
-    the contraction.
+    `m.workspace.values` has the first guess of p. `m.workspace.change` (d s,) has p at the start of
+    the step minus this guess. The method has converged if p is accurate to `m.workspace.newton_tol`
+    (d,). It also sets y and f; f is corrected to first order for the last change of p.
+    `m.state.contraction` records the contraction.
 
     Systems of many components use one Jacobian in several steps while the method converges fast,
     and its factors while the step's length is the same.
     """
-    room, stages, counts, contraction = m.room, m.stages, m.state.counts, m.state.contraction
-    values, x_start, control, goal = room.values[0], m.orbit.x[0], stages.control, room.goal
+    workspace, stages = m.workspace, m.stages
+    counts, contraction = m.state.counts, m.state.contraction
+    values, x_start = workspace.values[0], m.orbit.x[0]
+    control, newton_tol = stages.control, workspace.newton_tol
     f, p, x = values[FORCE], values[PRIMARY], values[POSITION]
     s, few = p.shape[1], stages.jacobians.shape[0] > 1
-    change, before = room.change, room.before
+    change, before = workspace.change, workspace.before
     previous, fresh = np.inf, False
     jacobians = stages.jacobians[:1]
     positions(m, h, p, x_start, x)
@@ -180,13 +182,13 @@ def solve_stages(m, h):
                 continue
             control[LENGTH], previous = h, np.inf
         if previous == np.inf:  # scales at the guess: a stiff y may be far below its start
-            for c in range(room.starts.shape[0]):
-                room.point[c] = x[c, s - 1]
-            magnitudes(jacobians[0], room.point, room.force_scales)
-            magnitudes(jacobians[0], room.starts, room.start_scales)
-        residuals(m, room.base[0], p, x, f)
+            for c in range(workspace.starts.shape[0]):
+                workspace.point[c] = x[c, s - 1]
+            magnitudes(jacobians[0], workspace.point, workspace.force_scales)
+            magnitudes(jacobians[0], workspace.starts, workspace.start_scales)
+        residuals(m, workspace.base[0], p, x, f)
         solve_newton(m)
-        size = take_change(change, goal, p)
+        size = take_change(change, newton_tol, p)
         if not size < np.inf:
             control[KEPT] = 0.0
             return False
@@ -195,7 +197,7 @@ def solve_stages(m, h):
         rate = contraction_rate(size, previous, h, contraction)
         answer = verdict(size, previous, rate, sweep, fresh)
         if answer == ACCEPT:
-            correct_forces(jacobians, before, x, f, room.moved)
+            correct_forces(jacobians, before, x, f, workspace.moved)
             return True
         if answer != ITERATE:
             control[KEPT] = 0.0
@@ -213,8 +215,8 @@ def verdict(size, previous, rate, sweep, fresh):
     Parameters
     ----------
     size, previous : float
-        The change and the one before, in units of the goal. `previous` is infinite for the first
-        one with new factors.
+        The change and the one before, in units of the tolerance. `previous` is infinite for the
+        first one with new factors.
     rate : float
         The result of `contraction_rate`: the ratio of both changes, or an estimate of it. The error
         is at most _PER_RATE times the rate times the last change.
@@ -240,8 +242,8 @@ def iterate_once(m, p, x, f):
     is then singular at the first guess, but it may be regular after this iteration. The arrays p,
     x (= y) and f (d, s) are values at the nodes; the function changes p.
     """
-    implicit, residual, s, found = m.equations.implicit, m.room.residual, p.shape[1], False
-    residuals(m, m.room.base[0], p, x, f)
+    implicit, residual, s, found = m.equations.implicit, m.workspace.residual, p.shape[1], False
+    residuals(m, m.workspace.base[0], p, x, f)
     for c in range(p.shape[0]):
         found = found or implicit[c] == ALGEBRAIC
         for i in range(s if implicit[c] == 0 else 0):
@@ -255,7 +257,7 @@ def stage_jacobians(m, x, out):
 
     x (d, s) is y at the nodes. `out` is (s, d, d), or (1, ., .) for the middle node only.
     """
-    times, point, units = m.room.times, m.room.point, m.room.units
+    times, point, units = m.workspace.times, m.workspace.point, m.workspace.units
     s, calls = times.shape[0], 0
     for i in range(out.shape[0]):
         k = i if out.shape[0] > 1 else s // 2
@@ -303,17 +305,17 @@ def take_back_at_nodes(f, share, change, p):
 
 
 @inner
-def take_change(change, goal, p):
-    """Subtract a change (d s,) from p (d, s); return its largest ratio to the goal (d,)."""
+def take_change(change, newton_tol, p):
+    """Subtract a change (d s,) from p (d, s); return its largest ratio to the tolerance (d,)."""
     size, largest = 0.0, 0.0
     for c in range(p.shape[0]):
         for i in range(p.shape[1]):
             p[c, i] -= change[c * p.shape[1] + i]
             largest = max(largest, abs(p[c, i]))
     for c in range(p.shape[0]):
-        allowed = goal[c]
+        allowed = newton_tol[c]
         for i in range(p.shape[1]):
-            if goal[c] <= _MIN_NEWTON_ATOL:  # a component that begins at 0 has no size yet
+            if newton_tol[c] <= _MIN_NEWTON_ATOL:  # a component that begins at 0 has no size yet
                 allowed = max(
                     _MIN_NEWTON_RTOL * abs(p[c, i]),
                     _MIN_NEWTON_TOL_OF_LARGEST * largest,
@@ -327,9 +329,9 @@ def take_change(change, goal, p):
 def contraction_rate(size, previous, h, contraction):
     """Return the contraction rate of Newton's method, the ratio of two successive changes.
 
-    `size` and `previous` are the last two changes, in units of the goal. The rate of two changes is
-    recorded in `contraction`. After the first change `previous` is infinite, and the rate is
-    estimated from earlier steps.
+    `size` and `previous` are the last two changes, in units of the tolerance. The rate of two
+    changes is recorded in `contraction`. After the first change `previous` is infinite, and the
+    rate is estimated from earlier steps.
     """
     if previous < np.inf:
         rate = size / previous
@@ -344,12 +346,17 @@ def contraction_rate(size, previous, h, contraction):
 
 @inner
 def residuals(m, base, p, x, f):
-    """Set `m.room.residual` (d s,) to p - base - integrals at the nodes; that of 0 = f is -f.
+    """Set `m.workspace.residual` (d s,) to p - base - integrals at the nodes; that of 0 = f is -f.
 
     p, x (= y) and f (d, s) are values at the nodes. `base` (R, s) is the known part of the rows.
     Residuals are ordered by component c, then by node i.
     """
-    kinds, columns, out, (d, s) = m.equations.kinds, m.operators.columns, m.room.residual, p.shape
+    kinds, columns, out, (d, s) = (
+        m.equations.kinds,
+        m.operators.columns,
+        m.workspace.residual,
+        p.shape,
+    )
     of_force_alone = m.operators.alone
     for c in range(d):
         kind, first = kinds[c], c * s
@@ -375,14 +382,15 @@ def residuals(m, base, p, x, f):
 def solve_tangent_stages(m, h):
     """Solve a step of length h, linearised along the orbit, for the tangents; False if it fails.
 
-    `m.room.values` gets f, p and y of the k tangents at the nodes, in columns 1 to k. Column 0 must
-    have the solution of the orbit already. If components are few, Newton's matrix is factorised
-    anew with the Jacobian at each node, and one iteration is exact. If they are many, the factors
-    of the orbit are used, and iterations continue until they converge.
+    `m.workspace.values` gets f, p and y of the k tangents at the nodes, in columns 1 to k. Column 0
+    must have the solution of the orbit already. If components are few, Newton's matrix is
+    factorised anew with the Jacobian at each node, and one iteration is exact. If they are many,
+    the factors of the orbit are used, and iterations continue until they converge.
     """
-    room, values, x_start, jacobians = m.room, m.room.values, m.orbit.x, m.room.jacobians
+    workspace, values = m.workspace, m.workspace.values
+    x_start, jacobians = m.orbit.x, m.workspace.jacobians
     s, few, of_orbit = values.shape[3], m.stages.jacobians.shape[0] > 1, m.stages.jacobians
-    none, change = room.before, room.change
+    none, change = workspace.before, workspace.change
     for i in range(0 if few else s):
         put_matrix(of_orbit[0], jacobians[i])
     m.state.counts.rhs += stage_jacobians(m, values[0, POSITION], jacobians)
@@ -392,17 +400,17 @@ def solve_tangent_stages(m, h):
     for column in range(1, values.shape[0]):
         f, p, x = values[column, FORCE], values[column, PRIMARY], values[column, POSITION]
         clear_matrix(p)
-        clear_matrix(room.forced)
+        clear_matrix(workspace.forced)
         if column <= m.right.by_params:
             set_derivatives_by(column - 1, m)
         done = False
         for _ in range(_TANGENT_NEWTON_MAXITER):
             positions(m, h, p, x_start[column], x)
-            put_matrix(room.forced, f)
-            correct_forces(jacobians, none, x, f, room.moved)
+            put_matrix(workspace.forced, f)
+            correct_forces(jacobians, none, x, f, workspace.moved)
             if done:
                 break
-            residuals(m, room.base[column], p, x, f)
+            residuals(m, workspace.base[column], p, x, f)
             solve_newton(m)
             moved, size = 0.0, 0.0
             for c in range(p.shape[0]):
@@ -420,12 +428,14 @@ def solve_tangent_stages(m, h):
 
 @inner
 def set_derivatives_by(k, m):
-    """Set `m.room.forced` (d, s) to the derivative of f by parameter k, at the orbit's nodes."""
-    room, x = m.room, m.room.values[0, POSITION]
+    """Set `m.workspace.forced` (d, s) to d f / d p_k at the orbit's nodes, for parameter k."""
+    workspace, x = m.workspace, m.workspace.values[0, POSITION]
     for i in range(x.shape[1]):
         for c in range(x.shape[0]):
-            room.point[c], room.force[c] = x[c, i], 0.0
-        calls = add_derivative_by(k, m.right.force, room.times[i], room.point, room.force)
+            workspace.point[c], workspace.f_at_point[c] = x[c, i], 0.0
+        calls = add_derivative_by(
+            k, m.right.force, workspace.times[i], workspace.point, workspace.f_at_point
+        )
         m.state.counts.rhs += calls
         for c in range(x.shape[0]):
-            room.forced[c, i] = room.force[c]
+            workspace.forced[c, i] = workspace.f_at_point[c]

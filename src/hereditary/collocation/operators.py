@@ -40,7 +40,7 @@ def assemble_operators(h, equations, rule, local, operators):
     clear_matrix(start_weights)
     for column in range(constant.shape[0]):
         clear_matrix(constant[column])
-    s, d, kinds = constant.shape[2], equations.second.shape[0], equations.kinds
+    s, d, kinds = constant.shape[2], equations.above_one.shape[0], equations.kinds
     n_kinds = number_of(kinds)
     for n in range(terms.shape[0]):
         c, q, k = terms[n].row, terms[n].integrand, terms[n].index

@@ -61,7 +61,7 @@ class OrbitAndTangents:
         self._form = form
         n_columns, _, d = y0.shape
         self.x = y0[:, 0].copy()
-        self.initial = np.where(form.second == 1, y0[:, -1], y0[:, 0])
+        self.initial = np.where(form.above_one == 1, y0[:, -1], y0[:, 0])
         self.p = self.initial.copy()
         constants = np.array([0 * self.initial, self.initial, y0[:, 0]])
         self.offsets = self._last_offsets = self._of_terms(constants)
@@ -125,7 +125,7 @@ class OrbitAndTangents:
         if known is None or known[0] is not system or known[1].offsets is not self.offsets:
             form = self._form
             found = Equations(
-                form.terms, form.orders, form.second, self.offsets, form.implicit,
+                form.terms, form.orders, form.above_one, self.offsets, form.implicit,
                 form.unweighted, form.kinds, system.units, system.quantities, *least,
             )  # fmt: skip
             self._equations = known = system, checked(found), bool(self.offsets.any())
@@ -210,7 +210,7 @@ class OrbitAndTangents:
 
         Changing these as well keeps the jump out of the memory.
         """
-        of_p = np.where(self._form.second == 1, 0.0, change)
+        of_p = np.where(self._form.above_one == 1, 0.0, change)
         constants = np.array([0 * change, of_p, change])[:, None]
         self.x[0] += change
         self.p[0] += of_p
@@ -359,11 +359,11 @@ def _round_to_decades(closest, farthest):
     return farthest / 10.0 ** math.ceil(math.log10(max(farthest / closest, 10.0)))
 
 
-def initial_unknowns(system, second, directions):
+def initial_unknowns(system, above_one, directions):
     """Return y(0), and y'(0) if m = 2, of the orbit and of k tangents, shape (1 + k, m, d).
 
     Each column of `directions` (n_data, k) is the direction of one tangent. Its entries are changes
-    of y(0), then changes of y'(0) for the components of order above 1. `second` (d,) is true for
+    of y(0), then changes of y'(0) for the components of order above 1. `above_one` (d,) is true for
     these components.
     """
     if directions is None:
@@ -372,5 +372,5 @@ def initial_unknowns(system, second, directions):
     values[0] = system.y0
     values[1:, 0] = directions[: system.d].T
     if system.m == 2:
-        values[1:, 1, second] = directions[system.d :].T
+        values[1:, 1, above_one] = directions[system.d :].T
     return values

@@ -1,7 +1,7 @@
 """Pieces of dense output: the solution on collocation steps.
 
 Letters of shapes: d components, s or n nodes of a step, k times. The primary unknown p is y, or y'
-for orders above 1; `second` (d,) is true for these components.
+for orders above 1; `above_one` (d,) is true for these components.
 """
 
 from dataclasses import dataclass
@@ -53,7 +53,7 @@ class FirstPiece(Piece):
         """Return the start time of the step, (1,)."""
         return np.array([self.start])
 
-    def evaluate(self, t, second, derivative):
+    def evaluate(self, t, above_one, derivative):
         """Return y, or y' for ``derivative=1``, at times t inside the step, (k, d)."""
         t = np.minimum(np.maximum((t - self.start) / self.length, 0.0), 1.0)
         with np.errstate(divide="ignore"):
@@ -61,12 +61,12 @@ class FirstPiece(Piece):
         if not derivative:
             p = self._first_value(self.row) + self._change(self.row, values)
             p[t == 0.0] = self.p
-            if not second.any():
+            if not above_one.any():
                 return p
             # y is the integral of p: t times the mean of p
             row = self.row @ means_at_nodes(self.variable).T
             means = self._first_value(row) + self._change(row, values)
-            return np.where(second, self.y + self.length * t[:, None] * means, p)
+            return np.where(above_one, self.y + self.length * t[:, None] * means, p)
         slopes = self._slopes(np.maximum(t, _MIN_SLOPE_TIME))
         if (t == 0.0).any():
             (near, far), (before, after) = _TOWARDS_0, self._slopes(np.array(_TOWARDS_0))
@@ -76,7 +76,7 @@ class FirstPiece(Piece):
             slopes[t == 0.0] = np.where(steep, np.copysign(np.inf, before), line)
         speeds = self._first_value(self.row) + self._change(self.row, values)
         speeds[t == 0.0] = self.p
-        return np.where(second, speeds, slopes)
+        return np.where(above_one, speeds, slopes)
 
     def _first_value(self, row):
         """Return p at the start of a row (d, n), or next to the start if p jumps there, (d,)."""
@@ -84,20 +84,20 @@ class FirstPiece(Piece):
         moved = np.abs(limit - self.p) > 0.5 * np.abs(row - self.p[:, None]).max(axis=1)
         return np.where(moved, limit, self.p)
 
-    def at_ends(self, ends, chosen, second, slopes=True):
+    def at_ends(self, ends, chosen, above_one, slopes=True):
         """Return y and y' at the end of the step, (1, d) each, or (0, d) if it is not `chosen`.
 
         Without `slopes`, y' is NaN if it is not p.
         """
         p, n = self.row[:, -1], self.variable.n
         y, steep = p, np.nan
-        if second.any():
+        if above_one.any():
             mean = self.row @ means_at_nodes(self.variable)[-1]
-            y = np.where(second, self.y + self.length * mean, p)
-        if slopes and not second.all():
+            y = np.where(above_one, self.y + self.length * mean, p)
+        if slopes and not above_one.all():
             weights = _end_weights(n)[1] * (self.variable.slopes(np.ones(1)) / self.length)
             steep = (self.row - self._first_value(self.row)[:, None]) @ weights
-        return y[None][chosen], np.where(second, p, steep)[None][chosen]
+        return y[None][chosen], np.where(above_one, p, steep)[None][chosen]
 
     def _x(self, logs):
         """Return the argument 2 u - 1 of the polynomials at log(t)."""
@@ -139,15 +139,15 @@ class PolynomialPieces(Piece):
         """Return the start time of each step, (n,)."""
         return self.starts
 
-    def evaluate(self, t, second, derivative):
+    def evaluate(self, t, above_one, derivative):
         """Return y, or y' for ``derivative=1``, at times t inside the steps, (k, d)."""
-        return self._at(self._places(t), second, derivative)
+        return self._at(self._places(t), above_one, derivative)
 
-    def evaluate_both(self, t, second, slopes):
+    def evaluate_both(self, t, above_one, slopes):
         """Return y and y' at times t inside the steps, (k, d) each; NaN for y' without `slopes`."""
         places = self._places(t)
-        y = self._at(places, second, 0)
-        return y, self._at(places, second, 1) if slopes else np.full_like(y, np.nan)
+        y = self._at(places, above_one, 0)
+        return y, self._at(places, above_one, 1) if slopes else np.full_like(y, np.nan)
 
     def _places(self, t):
         """Return the steps of times t, (k,), their lengths (k, 1), and polynomials at t."""
@@ -156,19 +156,19 @@ class PolynomialPieces(Piece):
         x = 2 * np.minimum(np.maximum((t - self.starts[i]) / h, 0.0), 1.0) - 1
         return i, h[:, None], _legendre(float(x[0]), s) if x.size == 1 else legendre_values(x, s).T
 
-    def _at(self, places, second, derivative):
+    def _at(self, places, above_one, derivative):
         """Return y, or y' for ``derivative=1``, (k, d), at times that `_places` has located."""
         i, h, values = places
-        if not derivative and second.all():
+        if not derivative and above_one.all():
             return self._positions(i, h, values)
         s = self.rows.shape[2]
-        if derivative and not second.all():
+        if derivative and not above_one.all():
             steep = self._weighted(i, values[:, :-1] @ _derivatives(s)) / h
-            return np.where(second, self._weighted(i, values), steep)
+            return np.where(above_one, self._weighted(i, values), steep)
         p = self._weighted(i, values)
-        if derivative or not second.any():
+        if derivative or not above_one.any():
             return p
-        return np.where(second, self._positions(i, h, values), p)
+        return np.where(above_one, self._positions(i, h, values), p)
 
     def _weighted(self, i, coefficients):
         """Return sums of Legendre coefficients of p in the steps i, (k, d), by weights (k, s + 1).
@@ -189,10 +189,10 @@ class PolynomialPieces(Piece):
         weights = values @ (_integrals(s) @ to_legendre(s))
         return self.at_starts[i, 0] + h * np.einsum("kdj,kj->kd", self.rows[i], weights)
 
-    def at_ends(self, ends, chosen, second, slopes=True):
+    def at_ends(self, ends, chosen, above_one, slopes=True):
         """Return y and y' at the chosen ends of steps."""
         rows, h = self.rows[chosen], self.lengths[chosen, None]
-        p, s, some = rows[:, :, -1], self.rows.shape[2], second.any()
+        p, s, some = rows[:, :, -1], self.rows.shape[2], above_one.any()
         if not slopes and not some:
             return p, np.full(p.shape, np.nan)
         of_start, of_rows, integral = _end_weights(s)
@@ -200,7 +200,7 @@ class PolynomialPieces(Piece):
         if not some:
             return p, slopes
         position = self.at_starts[chosen, 0] + h * (rows @ integral)
-        return np.where(second, position, p), np.where(second, p, slopes)
+        return np.where(above_one, position, p), np.where(above_one, p, slopes)
 
 
 def _legendre(x, s):

@@ -48,12 +48,12 @@ class Plain:
     ----------
     system : System
         The system that the stepper solves.
-    second : ndarray of bool, shape (d,)
+    above_one : ndarray of bool, shape (d,)
         True for components of y whose first derivative is an unknown.
     """
 
     def __init__(self, system):
-        self.system, self.second, self._convolved = system, system.second, []
+        self.system, self.above_one, self._convolved = system, system.above_one, []
 
     def directions(self, directions):
         """Return k directions of initial data of the equation as those of the system, or None."""
@@ -61,7 +61,7 @@ class Plain:
 
     def values(self, x, p):
         """Return y and y', (..., d) each, from values x and slopes p; NaN if y' is no unknown."""
-        return x.copy(), np.where(self.second, p, np.nan)
+        return x.copy(), np.where(self.above_one, p, np.nan)
 
     def piece(self, piece):
         """Return the dense output of y from that of the system."""
@@ -98,7 +98,7 @@ class Reading(Plain):
 
     def __init__(self, system):
         found = reduced(system)
-        self.system, self.second, self._speeds, self._read, self._copies, self._convolved = found
+        self.system, self.above_one, self._speeds, self._read, self._copies, self._convolved = found
         self._d, self._n_read = system.n_solved, system.d
 
     def directions(self, directions):
@@ -107,12 +107,12 @@ class Reading(Plain):
             return None
         wide = np.zeros((self.system.d, directions.shape[1]))
         wide[: self._d] = directions[: self._d]
-        wide[self._speeds[self.second]] = directions[self._d :]
+        wide[self._speeds[self.above_one]] = directions[self._d :]
         return wide
 
     def values(self, x, p):
         """Return y and y', (..., d) each, from values x and slopes p; NaN if y' is no unknown."""
-        speeds = np.where(self.second, x[..., self._speeds], np.nan)
+        speeds = np.where(self.above_one, x[..., self._speeds], np.nan)
         return x[..., : self._d].copy(), speeds
 
     def piece(self, piece):
@@ -155,21 +155,23 @@ class ReadingPiece(Piece):
         """Return the start time of each step."""
         return self.inner.edges()
 
-    def evaluate(self, t, second, derivative):
+    def evaluate(self, t, above_one, derivative):
         """Return y, or y' for ``derivative=1``, at times t inside the steps, (k, d)."""
-        shape = len(t), second.size
-        found = self._columns(t, second, derivative)[..., : self.speeds.size].reshape(shape)
-        if not derivative or not second.any():
+        shape = len(t), above_one.size
+        found = self._columns(t, above_one, derivative)[..., : self.speeds.size].reshape(shape)
+        if not derivative or not above_one.any():
             return found
-        return np.where(second, self._columns(t, second, 0)[..., self.speeds].reshape(shape), found)
+        return np.where(
+            above_one, self._columns(t, above_one, 0)[..., self.speeds].reshape(shape), found
+        )
 
-    def _columns(self, t, second, derivative):
+    def _columns(self, t, above_one, derivative):
         """Return all n components at k times, of orbit and stored tangents: (k, columns, n).
 
         Column 0 is the orbit.
         """
         found = self.inner.evaluate(t, np.zeros(1, dtype=bool), derivative)
-        columns = second.size // self.speeds.size
+        columns = above_one.size // self.speeds.size
         return found.reshape(len(t), columns, found.shape[1] // columns)
 
 
@@ -177,18 +179,19 @@ class Reduced(NamedTuple):
     """A system in which further components replace the memory that f reads.
 
     - system: the larger system.
-    - second (d,): True if y' of a component of y is an unknown.
+    - above_one (d,): True if y' of a component of y is an unknown.
     - speeds (d,): number of the component that is y'.
-    - read: entries (row, component, factor) of the matrix from components to the arguments of f.
+    - arguments: entries (row, component, factor) of the matrix from components to the arguments of
+      f.
     - copies: pairs of component numbers; the first component equals the second one.
     - convolved: triples of a component, its source and a kernel, whose convolution with the source
       the component is.
     """
 
     system: System
-    second: np.ndarray
+    above_one: np.ndarray
     speeds: np.ndarray
-    read: list[tuple[int, int, float]]
+    arguments: list[tuple[int, int, float]]
     copies: list[tuple[int, int]]
     convolved: list[tuple[int, int, Any]]
 
@@ -231,10 +234,10 @@ class _Reduction:
         self._places: dict[tuple[int, Any], int] = {}
         for j, start in enumerate(system.y0[0, :d].tolist()):
             self._add(start, j, 0.0)
-        second = np.flatnonzero(self._leading > 1).tolist()
+        above_one = np.flatnonzero(self._leading > 1).tolist()
         self._speeds = np.zeros(d, dtype=np.int64)
-        self._speeds[second] = d + np.arange(len(second))
-        for j in second:
+        self._speeds[above_one] = d + np.arange(len(above_one))
+        for j in above_one:
             self._places[j, 1.0] = self._add(float(system.y0[1, j]), j, 1.0)
         # the row of F_j for each j with an algebraic row
         self._rows = dict.fromkeys(np.flatnonzero(self._bare).tolist(), -1)
@@ -354,13 +357,13 @@ class _Reduction:
     def result(self):
         """Return the `Reduced` system."""
         system, d = self._system, self._system.n_solved
-        read = [(j, j, 1.0) for j in range(d)]
+        arguments = [(j, j, 1.0) for j in range(d)]
         lower: list[list[tuple[int, float]]] = [[] for _ in range(d)]
         for operator, coefficients in system.left:
             for c in np.flatnonzero(coefficients).tolist():
                 j, factor = int(system.sources[c]), float(coefficients[c])
                 if c != j:
-                    read.append((c, self._place(j, operator), factor))
+                    arguments.append((c, self._place(j, operator), factor))
                 elif operator.order < self._leading[j] or not operator.constant:
                     lower[j].append((self._place(j, operator), factor))
         forces = [*self._forces, *((row, j) for j, row in self._rows.items())]
@@ -372,7 +375,7 @@ class _Reduction:
         found = System(
             left_of(self._terms, n),
             np.array([self._starts]),
-            mapped(system.functions, n, system.d, own, triples, read),
+            mapped(system.functions, n, system.d, own, triples, arguments),
             quantities=np.array([numbers[role] for role in roles]),
             of_y=system.of_y[[j for j, _ in self._roles]],
             frame=Frame(system.frame.start),
@@ -380,7 +383,9 @@ class _Reduction:
             callbacks=system.callbacks,
             by_params=system.by_params,
         )
-        return Reduced(found, self._leading > 1, self._speeds, read, self._copies, self._convolved)
+        return Reduced(
+            found, self._leading > 1, self._speeds, arguments, self._copies, self._convolved
+        )
 
 
 def is_read(system):

@@ -154,7 +154,7 @@ def _order(form):
     Smaller orders do not give useful lengths of steps.
     """
     forces = form.terms[form.terms["integrand"] == FORCE]
-    orders = form.orders[forces["index"]] + form.second[forces["row"]]
+    orders = form.orders[forces["index"]] + form.above_one[forces["row"]]
     return max(float(orders.min(initial=1.0)), 0.1)
 
 
@@ -171,9 +171,9 @@ def _rate(system, form, orbit, jacobian, just_after):
     if not np.isfinite(size):
         return size
     scale, rates = sizes + _SIZE_IF_ZERO * (sizes.max() or 1.0), [0.0]
-    force = system.force(just_after, orbit.x[0])
+    f = system.rhs(just_after, orbit.x[0])
     with np.errstate(over="ignore", invalid="ignore"):
-        for v in (force, np.where(form.second, orbit.p[0], 0.0)):
+        for v in (f, np.where(form.above_one, orbit.p[0], 0.0)):
             largest = np.abs(v / scale).max()
             if largest > 0.0:
                 rates.append(np.abs(jacobian @ v / scale).max() / largest)

@@ -49,7 +49,7 @@ def has_stages(form):
     They do so for many components. For few components a factorisation takes no longer than a
     solution.
     """
-    return form.second.size > FEW
+    return form.above_one.size > FEW
 
 
 def stage_solver(structure, form, s, at_edge=False):
@@ -61,7 +61,7 @@ def stage_solver(structure, form, s, at_edge=False):
     eigenvectors = 0 if few or form.kinds.any() else lapack_address("dgeev")
     if eigenvectors == 0:
         return _joint_solver(structure, form, s, few)
-    d = form.second.size
+    d = form.above_one.size
     solver = partial(_solver, form=form, s=s, lapack_values=eigenvectors)
     if structure is None:
         return solver(
@@ -98,7 +98,7 @@ def _joint_solver(structure, form, s, few):
 
     If components are few, each node has a Jacobian. There is a single system of all d s unknowns.
     """
-    d, n = form.second.size, form.second.size * s
+    d, n = form.above_one.size, form.above_one.size * s
     if structure is None:
         return _solver(
             no_stages if few else joint_dense,
@@ -146,8 +146,8 @@ def _solver(function, form, s, held=None, *, order, **given):
     Optional fields that are not given are empty arrays or 0.
     """
     n = int(form.kinds.max()) + 1
-    second = np.zeros(n, dtype=np.int64)
-    second[form.kinds] = form.second
+    above_one = np.zeros(n, dtype=np.int64)
+    above_one[form.kinds] = form.above_one
     complex_room = [np.zeros(size, complex) for size in (s, (s, s), (s, s))]
     numbers_of = (
         "lower", "upper", "lapack", "lapack_solve", "lapack_values", "lapack_balance", "python",
@@ -162,7 +162,7 @@ def _solver(function, form, s, held=None, *, order, **given):
     stages = Stages(
         order=order.astype(np.int64),
         kinds=form.kinds,
-        second=second,
+        above_one=above_one,
         matrices=np.zeros((n, 3, s, s)),
         integral=np.zeros((s, s)),
         scales=np.ones(form.kinds.size),

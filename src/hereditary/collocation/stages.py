@@ -62,8 +62,8 @@ def diagonalise_stages(stage):
     """
     s = stage.integral.shape[0]
     pencil = np.empty((3, s, s))
-    set_pencil(stage.matrices[0], stage.integral, stage.second[0], pencil)
-    gain, rest = pencil[stage.second[0]], pencil[REST]
+    set_pencil(stage.matrices[0], stage.integral, stage.above_one[0], pencil)
+    gain, rest = pencil[stage.above_one[0]], pencil[REST]
     inverse, both, back = np.empty((s, s)), np.empty((s, s)), np.empty((s, s))
     if not set_inverse(rest, inverse):
         return False
@@ -132,20 +132,20 @@ def eigenvectors(lapack, matrix, values, imaginary, vectors):
         for k in range(s):
             if not abs(matrix[i, k]) < np.inf:
                 return False
-    # `room` has the matrix by columns and LAPACK's workspace; `numbers` has sizes, the status and
-    # two options. Both variables keep their arrays alive until LAPACK returns.
-    room, numbers = np.empty((s + 8, s)), np.empty(5, dtype=np.int32)
+    # `workspace` has the matrix by columns and LAPACK's workspace; `numbers` has sizes, the status
+    # and two options. Both variables keep their arrays alive until LAPACK returns.
+    workspace, numbers = np.empty((s + 8, s)), np.empty(5, dtype=np.int32)
     for i in range(s):
         for k in range(s):
-            room[k, i] = matrix[i, k]
+            workspace[k, i] = matrix[i, k]
     numbers[0], numbers[1], numbers[2], numbers[3], numbers[4] = s, 8 * s, 0, _WITHOUT, _WITH
-    at, turned, work = numbers.ctypes.data, room.ctypes.data, room[s:].ctypes.data
+    at, turned, work = numbers.ctypes.data, workspace.ctypes.data, workspace[s:].ctypes.data
     call_lapack(  # type: ignore[call-arg]
         lapack,
         (at + 12, at + 16, at, turned, at, values.ctypes.data, imaginary.ctypes.data, work, at,
          vectors.ctypes.data, at, work, at + 4, at + 8),
     )  # fmt: skip
-    return numbers[2] == 0 and room[0, 0] == room[0, 0]
+    return numbers[2] == 0 and workspace[0, 0] == workspace[0, 0]
 
 
 @inner(reorders=True)
@@ -224,9 +224,9 @@ def reduce(stage):
             q[j, i] = stage.jacobians[0, i, j]  # LAPACK stores matrices by columns
             if not abs(q[j, i]) < np.inf:
                 return False
-    numbers, room = np.empty(6, dtype=np.int32), np.empty(65 * n)
+    numbers, workspace = np.empty(6, dtype=np.int32), np.empty(65 * n)
     numbers[0], numbers[1], numbers[2], numbers[3], numbers[4] = n, 1, 64 * n, 0, _SCALING
-    at, tau = numbers.ctypes.data, room.ctypes.data
+    at, tau = numbers.ctypes.data, workspace.ctypes.data
     work, columns = tau + 8 * n, q.ctypes.data
     call_lapack(  # type: ignore[call-arg]
         stage.lapack_balance,
@@ -243,7 +243,7 @@ def reduce(stage):
     for i in range(n):
         for j in range(i):
             q[i, j], q[j, i] = q[j, i], q[i, j]
-    return numbers[3] == 0 and room[0] == room[0]
+    return numbers[3] == 0 and workspace[0] == workspace[0]
 
 
 @inner
@@ -404,7 +404,7 @@ def stage_matrix(stage, h, jacobians, at_nodes, out):
     """
     # at_nodes (>= s,) is a work array
     matrices, kinds, integral = stage.matrices, stage.kinds, stage.integral
-    second, scales = stage.second, stage.scales
+    above_one, scales = stage.above_one, stage.scales
     d, s, each = kinds.shape[0], integral.shape[0], jacobians.shape[0] > 1
     for c in range(d):
         kind = matrices[kinds[c]]
@@ -415,14 +415,14 @@ def stage_matrix(stage, h, jacobians, at_nodes, out):
             for i in range(s):
                 row = out[c * s + i, e * s : (e + 1) * s]
                 force, primary, place = kind[FORCE, i], kind[PRIMARY, i], kind[POSITION, i]
-                for j in range(s if second[kinds[e]] == 0 else 0):
+                for j in range(s if above_one[kinds[e]] == 0 else 0):
                     row[j] = -force[j] * at_nodes[j] - own * (place[j] + primary[j])
-                for j in range(s if second[kinds[e]] == 1 else 0):
+                for j in range(s if above_one[kinds[e]] == 1 else 0):
                     total = 0.0
                     for k in range(s):
                         total += (force[k] * at_nodes[k] + own * place[k]) * integral[k, j]
                     row[j] = -h * total - own * primary[j]
-                if second[kinds[e]] == 1:
+                if above_one[kinds[e]] == 1:
                     row[i] += own
                 elif c == e:  # in an algebraic row the bracket is exactly 0
                     row[i] = (1.0 - (place[i] + primary[i])) - force[i] * at_nodes[i]
@@ -452,14 +452,14 @@ def set_pencil(own, integral, is_speed, out):
 @inner(allocates=True)
 def set_entries(stage):
     """Set the nonzero entries of the matrix of `stage_matrix`, from those of a sparse Jacobian."""
-    entries, kinds, second, out = stage.jacobians[0], stage.kinds, stage.second, stage.joint
+    entries, kinds, above_one, out = stage.jacobians[0], stage.kinds, stage.above_one, stage.joint
     s, scales, number = stage.integral.shape[0], stage.scales, 0
-    pencil = np.empty((second.shape[0], 3, s, s))
-    for kind in range(second.shape[0]):
-        set_pencil(stage.matrices[kind], stage.integral, second[kind], pencil[kind])
+    pencil = np.empty((above_one.shape[0], 3, s, s))
+    for kind in range(above_one.shape[0]):
+        set_pencil(stage.matrices[kind], stage.integral, above_one[kind], pencil[kind])
     for k in range(entries.shape[1]):
         c, e = int(entries[ROWS, k]), int(entries[COLUMNS, k])
-        gain, rest = pencil[kinds[c], second[kinds[e]]], pencil[kinds[c], REST]
+        gain, rest = pencil[kinds[c], above_one[kinds[e]]], pencil[kinds[c], REST]
         value = entries[VALUES, k] * (scales[e] / scales[c])
         for i in range(s):
             for j in range(s):
@@ -517,15 +517,15 @@ def joint_dense(task, values, stage):
     """
     # joint (n, n), n = d s: the matrix, then its factors; dense (1, 2, n): order of the rows, and a
     # work array
-    order, room, matrix = stage.dense[0, 0], stage.dense[0, 1], stage.joint
+    order, workspace, matrix = stage.dense[0, 0], stage.dense[0, 1], stage.joint
     if task == FACTORISE:
-        stage_matrix(stage, 1.0, stage.jacobians, room, matrix)
+        stage_matrix(stage, 1.0, stage.jacobians, workspace, matrix)
         if stage.lapack != 0:
             return 0 if factorise_large(matrix, order, stage.lapack) else 1
         return 0 if factorise(matrix, order) else 1
     x = values.reshape(values.size)
-    put(x, room)
-    substitute_scaled(matrix, order, stage.scales, room, x)
+    put(x, workspace)
+    substitute_scaled(matrix, order, stage.scales, workspace, x)
     return 0
 
 

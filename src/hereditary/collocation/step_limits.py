@@ -79,9 +79,9 @@ class StepLimits:
         sizes : ndarray, shape (2, d)
             Sizes of y and p to which the tolerance is relative.
         """
-        accepted, refused = (
+        accepted, rejected = (
             counts["accepted"] - earlier["accepted"],
-            counts["refused"] - earlier["refused"],
+            counts["rejected"] - earlier["rejected"],
         )
         if accepted < 200:
             return False
@@ -92,6 +92,6 @@ class StepLimits:
         )
         allowed = min(self.last_step - n_steps, _MOST_STEPS)
         needed = left * accepted / advance
-        slow = needed > (allowed if refused > _MAX_REJECTED_RATIO * accepted else _MOST_STEPS)
+        slow = needed > (allowed if rejected > _MAX_REJECTED_RATIO * accepted else _MOST_STEPS)
         self._slow = [*self._slow, advance][-_STALLED_BLOCKS:] if slow and still.all() else []
         return len(self._slow) == _STALLED_BLOCKS and self._slow[-1] <= 2 * self._slow[0]

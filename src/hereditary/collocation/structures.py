@@ -43,15 +43,15 @@ TERM = np.dtype(
 # - time: present time since the origin; origin: the time from which steps are counted.
 # - next, last: lengths of the next step and of the last accepted step.
 # - shortest: length of the shortest step for which the exponential modes are accurate.
-# - refused: 1 if the last trial step was rejected.
+# - rejected: 1 if the last trial step was rejected.
 # - worst: component with the largest ratio of error to tolerance in the last trial step.
 # - missed: last time at which f differed from its polynomial between the nodes, or 0.
-_TIMES = "time", "next", "last", "shortest", "refused", "origin", "worst", "missed"
+_TIMES = "time", "next", "last", "shortest", "rejected", "origin", "worst", "missed"
 CONTROL = np.dtype([(name, "f8") for name in _TIMES], align=True)
 # Record of counts: calls of the right-hand side, accepted steps, rejected steps, and steps rejected
 # for the defect of f between the nodes alone.
 COUNTS = np.dtype(
-    [("rhs", "i8"), ("accepted", "i8"), ("refused", "i8"), ("by_defect", "i8")], align=True
+    [("rhs", "i8"), ("accepted", "i8"), ("rejected", "i8"), ("by_defect", "i8")], align=True
 )
 # Record of the contraction of Newton's method: its rate, and the change of p and the step length at
 # which the rate was observed.
@@ -77,7 +77,7 @@ class Equations(NamedTuple):
 
     - terms (n,): convolution terms, records `TERM`.
     - orders (n_a,): orders of the fractional integrals.
-    - second (d,): 1 if the primary unknown is y'.
+    - above_one (d,): 1 if the primary unknown is y'.
     - offsets (1 + k, n): constant subtracted from the integrand of each term.
     - implicit (d,): 1 if p follows from the balance of right-hand side and terms, `ALGEBRAIC` if
       the component has no terms, 0 otherwise.
@@ -91,7 +91,7 @@ class Equations(NamedTuple):
 
     terms: Records
     orders: Vector
-    second: Integers
+    above_one: Integers
     offsets: Matrix
     implicit: Integers
     unweighted: Integers
@@ -258,7 +258,7 @@ class Limits(NamedTuple):
     - earliest, latest: times between which f may be called.
     - longest, longest_idle: longest step [time], in general and where the solution is at rest.
     - rtol, atol (d,), by_size: a component y may err by ``atol + rtol |y| + by_size size``. Its
-      size is the largest |y| so far (see `StepRoom.sizes`).
+      size is the largest |y| so far (see `StageWorkspace.sizes`).
     - t_end: length of the run.
     """
 
@@ -337,7 +337,7 @@ class Stages(NamedTuple):
     - lower, upper: numbers of diagonals of a band below and above the main one.
     - lapack, lapack_solve, lapack_values, lapack_balance, python: addresses of functions.
     - hold: number of steps of one length before factors for a longer step are worth their time.
-    - kinds (d,): kind of each component; second (n,): 1 if the primary unknown of a kind is y'.
+    - kinds (d,): kind of each component; above_one (n,): 1 if the primary unknown of a kind is y'.
     - matrices (n, 3, s, s): matrices of f, p and y for each kind.
     - integral (s, s): integrals of order 1 to the nodes.
     - jacobians (m, d, d): Jacobians at m = s nodes if components are few. Otherwise there is one
@@ -356,7 +356,7 @@ class Stages(NamedTuple):
     python: int
     hold: int
     kinds: Integers
-    second: Integers
+    above_one: Integers
     matrices: Cubes
     integral: Matrix
     shifts: ComplexVector
@@ -369,7 +369,7 @@ class Stages(NamedTuple):
     control: Vector
 
 
-class StepRoom(NamedTuple):
+class StageWorkspace(NamedTuple):
     """Workspace of one step of d components with s nodes; the next step overwrites it.
 
     - times (s,), check_times (m,): times of the nodes and of the m check points off the nodes.
@@ -381,8 +381,8 @@ class StepRoom(NamedTuple):
     - before (d, s), moved (s, d): y before an iteration, and its change in this iteration.
     - reached (s, s): weights that extrapolate the last step's polynomial to the nodes.
     - forced (d, s): derivative of f by a parameter, for the tangent of this parameter.
-    - point, force (d,): a value of y, and f there.
-    - goal (d,): error of p that Newton's method may leave.
+    - point, f_at_point (d,): a value of y, and f there.
+    - newton_tol (d,): error of p that Newton's method may leave.
     - errors, defect (d,): estimated error of p, and defect of f between the nodes.
     - hidden (d,): the largest |p| of the same quantity; a smaller component may be its rounding.
     - sizes, sizes_before (d,): sizes of y to which errors are relative, now and before the step.
@@ -404,8 +404,8 @@ class StepRoom(NamedTuple):
     reached: Matrix
     forced: Matrix
     point: Vector
-    force: Vector
-    goal: Vector
+    f_at_point: Vector
+    newton_tol: Vector
     errors: Vector
     defect: Vector
     hidden: Vector
@@ -458,16 +458,16 @@ class AdaptiveWork(NamedTuple):
     stages: Stages
     operators: Operators
     weights: ModeWeights
-    room: StepRoom
+    workspace: StageWorkspace
 
 
 WORK = Reference(compiled_type(AdaptiveWork))
-# Arguments: work, step length, slot of the tables. Returns the ratio of the tangents' error to its
+# Arguments: work, step length, index of the tables. Returns the ratio of the tangents' error to its
 # tolerance.
 TANGENTS_SIG = F8(WORK, F8, I8)
-# Arguments: work, slot of the tables, and column: 0 for the orbit, 1 to k for a tangent.
+# Arguments: work, index of the tables, and column: 0 for the orbit, 1 to k for a tangent.
 READ_VARYING_SIG = types.void(WORK, I8, I8)
-# Arguments: work, step length, slot of the tables.
+# Arguments: work, step length, index of the tables.
 FILLING_SIG = types.void(WORK, F8, I8)
 
 
@@ -483,15 +483,15 @@ class AdaptiveMarch(NamedTuple):
 ADAPTIVE_MARCH = Reference(compiled_type(AdaptiveMarch))
 
 
-# Fields of `StepRoom` with one number for each component.
+# Fields of `StageWorkspace` with one number for each component.
 _BY_COMPONENT = (
-    "point", "force", "goal", "errors", "defect", "hidden", "sizes", "sizes_before", "units",
-    "force_scales", "starts", "start_scales",
+    "point", "f_at_point", "newton_tol", "errors", "defect", "hidden", "sizes", "sizes_before",
+    "units", "force_scales", "starts", "start_scales",
 )  # fmt: skip
 
 
-def empty_room(columns, values, stages, n_checks):
-    """Return an uninitialised `StepRoom`, the workspace of one step.
+def empty_workspace(columns, values, stages, n_checks):
+    """Return an uninitialised `StageWorkspace`, the workspace of one step.
 
     `columns` is (1 + k, R), and `values` is the shape (1 + k, n_q, d, s) of the integrands. The
     number of check points off the nodes is `n_checks`.
@@ -502,7 +502,7 @@ def empty_room(columns, values, stages, n_checks):
         each = np.empty((s, *each.shape[1:])) if values[0] > 1 else none
     by_component = {name: np.zeros(d) for name in _BY_COMPONENT}
     change = np.empty(d * s)
-    return StepRoom(
+    return StageWorkspace(
         times=np.empty(s),
         check_times=np.empty(n_checks),
         residual=np.empty(d * s),

@@ -1,7 +1,7 @@
 """Allowed errors of a run by collocation: of the run, of a step, of its modes, of Newton's method.
 
 Letters of shapes: d components. The primary unknown p is y, or y' for orders above 1. `m` is an
-`AdaptiveWork`, `m.room` its workspace.
+`AdaptiveWork`, `m.workspace` its workspace.
 """
 
 from __future__ import annotations
@@ -36,11 +36,11 @@ _MIN_FIRST_TOL_FACTOR = 5e-3
 # Least rtol of a first step because of rounding (measured for orders 1 + 1e-9 to 1.003, and y' at
 # rtol 1e-4 to 1e-10).
 _MIN_RTOL_OF_FIRST_STEPS = 5e-14
-# Error of p that Newton's method may leave (its goal), as fraction of the error that a step may
-# make.
+# Error of p that Newton's method may leave (its tolerance), as fraction of the error that a step
+# may make.
 _NEWTON_TOL_FRACTION = 0.01
-# Least goal of Newton's method for a small component, as fraction of the largest component of its
-# quantity. A small component may be the difference of equal ones, rounding of this size. With a
+# Least tolerance of Newton's method for a small component, as fraction of the largest component of
+# its quantity. A small component may be the difference of equal ones, rounding of this size. With a
 # tenth, runs at rtol 1e-8 take up to three times the steps if such a difference drives others.
 _MIN_NEWTON_TOL_OF_QUANTITY = 3e-15
 # Rounding error of integrals of y over a step, as a fraction of y, where p is y'.
@@ -201,29 +201,30 @@ def allowed_error(c, value, size, is_speed, end, limits):
 
 
 @inner
-def set_newton_goal(m, h):
-    """Set the error of p that Newton's method may leave, `m.room.goal` (d,).
+def set_newton_tol(m, h):
+    """Set the error of p that Newton's method may leave, `m.workspace.newton_tol` (d,).
 
-    It is a fraction of the tolerance. If the equation for p = y' has terms of y, the goal is at
-    least the error of p by rounding of y. This error counts up to the one that changes y by its
-    rounding over the step. The goal of a small component is at least the rounding error of the
+    It is a fraction of the tolerance. If the equation for p = y' has terms of y, the tolerance is
+    at least the error of p by rounding of y. This error counts up to the one that changes y by its
+    rounding over the step. The tolerance of a small component is at least the rounding error of the
     largest component of its quantity.
     """
-    equations, orbit, state, limits, room = m.equations, m.orbit, m.state, m.limits, m.room
-    terms, orders, second = equations.terms, equations.orders, equations.second
-    goal, d = room.goal, room.goal.shape[0]
+    equations, orbit = m.equations, m.orbit
+    state, limits, workspace = m.state, m.limits, m.workspace
+    terms, orders, above_one = equations.terms, equations.orders, equations.above_one
+    newton_tol, d = workspace.newton_tol, workspace.newton_tol.shape[0]
     for c in range(d):
         size = max(state.largest[c], abs(orbit.p[0, c]))
-        goal[c] = _NEWTON_TOL_FRACTION * allowed_error(
-            c, size, room.sizes[c], second[c], 1.0, limits
+        newton_tol[c] = _NEWTON_TOL_FRACTION * allowed_error(
+            c, size, workspace.sizes[c], above_one[c], 1.0, limits
         )
-        room.hidden[c] = size if second[c] == 1 else room.sizes[c]
-    raise_small(equations.quantities, 1.0, room.hidden)
+        workspace.hidden[c] = size if above_one[c] == 1 else workspace.sizes[c]
+    raise_small(equations.quantities, 1.0, workspace.hidden)
     for c in range(d if limits.by_size > 0.0 else 0):
-        if state.sizes[c] < room.sizes[c]:
-            goal[c] = max(goal[c], _MIN_NEWTON_TOL_OF_QUANTITY * room.hidden[c])
+        if state.sizes[c] < workspace.sizes[c]:
+            newton_tol[c] = max(newton_tol[c], _MIN_NEWTON_TOL_OF_QUANTITY * workspace.hidden[c])
     for n in range(terms.shape[0]):
         c, k = terms[n].row, terms[n].index
         if terms[n].integrand == POSITION and 0 <= k < orders.shape[0] and c < d:
             gain = min(abs(terms[n].coefficient) * h ** orders[k], 1 / h)
-            goal[c] = max(goal[c], ROUNDING_OF_SUMS * abs(orbit.x[0, c]) * gain)
+            newton_tol[c] = max(newton_tol[c], ROUNDING_OF_SUMS * abs(orbit.x[0, c]) * gain)

@@ -101,9 +101,9 @@ class OrderTables:
             self.weights = np.zeros((len(self._varying), n, self._nodes.size))
         a = np.empty((len(self._varying), times.size))  # orders of integration at the nodes
         for row, order in zip(a, self._varying, strict=True):
-            values, trouble = order.sampled(times)
-            if trouble:
-                raise OrderFailed(trouble)
+            values, failure = order.sampled(times)
+            if failure:
+                raise OrderFailed(failure)
             row[:] = order.derivative - values
         self.integrals[:] = h ** a[:, :, None] * integrals_of_rows(self._nodes.size, a)
         weights, last = orbit.varying.weights(a.ravel()).reshape(-1, *a.shape), orbit.bank.n_real

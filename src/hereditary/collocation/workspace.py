@@ -10,7 +10,7 @@ from .equations import Form
 from .mode_tables import empty_weights
 from .operators import empty_operators
 from .stage_solver import StageSolver, stage_solver
-from .structures import ModeWeights, Operators, StepRoom, empty_room
+from .structures import ModeWeights, Operators, StageWorkspace, empty_workspace
 
 # Number of workspaces that remain in storage. One of nine components has 0.5 MB for the 24 nodes of
 # a first step.
@@ -23,7 +23,7 @@ class Workspace(NamedTuple):
     solver: StageSolver
     operators: Operators
     weights: ModeWeights
-    room: StepRoom
+    workspace: StageWorkspace
 
 
 # Workspaces that no march uses at present.
@@ -51,12 +51,12 @@ def take_workspace(
 
     def make() -> Workspace:
         own = solver or stage_solver(None, form, s)
-        d, columns = form.second.size, (len(modes), form.n_rows)
+        d, columns = form.above_one.size, (len(modes), form.n_rows)
         values = len(modes), form.n_integrands, d, s
         weights = empty_weights(form, modes.shape, offsets, s)
-        room = empty_room(columns, values, own.stages, s + 2)
+        workspace = empty_workspace(columns, values, own.stages, s + 2)
         operators = empty_operators(*columns, form.kinds, s)
-        return Workspace(own, checked(operators), checked(weights), checked(room))
+        return Workspace(own, checked(operators), checked(weights), checked(workspace))
 
     if solver is not None:
         return None, make()

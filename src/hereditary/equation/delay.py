@@ -94,12 +94,12 @@ class Delayed(NamedTuple):
 
     - past: the delay and the solution before the start.
     - number: its number among the delays of the right-hand side.
-    - lift: displacement of the solution before the start, (d,), for neighbouring orbits.
+    - displacement: displacement of the solution before the start, (d,), for neighbouring orbits.
     """
 
     past: Earlier
     number: int
-    lift: np.ndarray
+    displacement: np.ndarray
 
     def ago(self, t: np.ndarray) -> np.ndarray:
         """Return the times t - tau(t), the shape of t."""
@@ -116,9 +116,9 @@ class Delayed(NamedTuple):
             return np.broadcast_to(past.first.view(float), (t.size, past.first.view(float).size))
         return past.values(past.origin + t).astype(past.first.dtype).view(float)
 
-    def lifted(self, lift: np.ndarray) -> Delayed:
-        """Return the delay with its past displaced by `lift` (d,)."""
-        return self._replace(lift=self.lift + lift)
+    def displaced(self, displacement: np.ndarray) -> Delayed:
+        """Return the delay with its past displaced by `displacement` (d,)."""
+        return self._replace(displacement=self.displacement + displacement)
 
 
 def room_of(d: int) -> int:

@@ -21,7 +21,7 @@ from .chain import chained
 from .delay import Delay, pasts_of, reading
 from .formula import formula
 from .frame import Frame
-from .jacobian_structure import Stated, copied, stated
+from .jacobian_structure import JacobianInfo, copied, jacobian_info
 from .operators import Summand
 from .statement import (
     Initial,
@@ -180,22 +180,22 @@ class Equation:
         self.coefficients.flags.writeable = False
         pasts = pasts_of(self.memory, initial.values[0], self.t_start)
         start = start_of(initial, pasts, _numbers(params), self.t_start)
-        said = self._stated(initial, factors.ndim > 2)
-        functions = self._assembled(said, initial, start)
+        info = self._stated(initial, factors.ndim > 2)
+        functions = self._assembled(info, initial, start)
         made, structure = functions.functions._replace(start=self.t_start), None
-        if said is not None:
-            made, structure = said.assembled(made, start.components().size)
+        if info is not None:
+            made, structure = info.assembled(made, start.components().size)
         if made.has_jac or structure is not None:
             check_jacobian(made, start.components(), structure)
         made, delays = reading(made, pasts)
-        self._constants = said.constants() if said else ()
+        self._constants = info.constants() if info else ()
         self._in_python = bool(functions.callbacks)
         self._frozen = self._present_values()
         self.system = self._solved(
             left_side(self.terms, factors, self.orders, self.t_start),
             made,
             structure=structure,
-            matrix=said and said.linear,
+            matrix=info and info.linear,
             linear_alone=rhs is None,
             callbacks=functions.callbacks,
             delays=delays,
@@ -222,8 +222,8 @@ class Equation:
         """Parameters, shape (p,)."""
         return self.system.params
 
-    def _stated(self, initial: Initial, matrices: bool) -> Stated | None:
-        """Check what is stated of the Jacobian, and return it as `Stated`; None for nothing.
+    def _stated(self, initial: Initial, matrices: bool) -> JacobianInfo | None:
+        """Check what is stated of the Jacobian, and return it as `JacobianInfo`; None for nothing.
 
         `matrices` says whether coefficients of the terms are matrices.
         """
@@ -232,7 +232,7 @@ class Equation:
             return None
         self.linear, self.jac_sparsity = copied(self.linear), copied(self.jac_sparsity)
         rearranged = len(initial.values) > 2 or matrices or initial.paired or bool(self.memory)
-        return stated(
+        return jacobian_info(
             initial.d,
             self.rhs,
             self.jac,
@@ -242,11 +242,11 @@ class Equation:
             self.linear,
         )
 
-    def _assembled(self, said: Stated | None, initial: Initial, start: Start) -> Assembled:
+    def _assembled(self, info: JacobianInfo | None, initial: Initial, start: Start) -> Assembled:
         """Check the functions at the start and return them, compiled where numba can."""
-        entries = said.values_of(self.jac, start) if said else self.jac
+        entries = info.values_of(self.jac, start) if info else self.jac
         hint = partial(of_shorthand, initial, bool(self.memory))
-        shape = said and said.shape
+        shape = info and info.shape
         return functions_of(self.rhs, entries, self.jac_memory, start, hint, shape)
 
     def _solved(self, left: list[SystemTerm], functions: Functions, **known: Any) -> System:
@@ -333,12 +333,12 @@ class Equation:
         enough.
         """
         system = self.system
-        alone = not system.read.any() and system.structure is None and not self._in_python
+        alone = not system.is_memory.any() and system.structure is None and not self._in_python
         if not alone or params.size != system.params.size or self._present_values() != self._frozen:
             return None
         system = displaced(system, system.y0, params)
         try:
-            out = system.force(0.0, system.y0[0])
+            out = system.rhs(0.0, system.y0[0])
         except Exception:  # the checks of a new equation report it
             return None
         if not np.isfinite(out).all():
@@ -358,7 +358,7 @@ class Equation:
         y (d,) has real components. With `bandwidth`, `jac_sparsity` or `linear` the result may be a
         sparse CSR array of SciPy.
         """
-        if self.system.read.any() or self.system.delays:
+        if self.system.is_memory.any() or self.system.delays:
             required = "read no memory where its Jacobian by y alone is asked for"
             refuse("rhs", required, "memory", "or take differences of rhs(t, y, memory)")
         try:

@@ -149,7 +149,7 @@ class Structure:
         return Structure.of(2 * n, rows, np.concatenate([n + own, self.columns]))
 
 
-class Stated(NamedTuple):
+class JacobianInfo(NamedTuple):
     """Statements of an equation about its Jacobian.
 
     `rows` and `columns` (k,) are those of the entries of d rhs / d y, None if any entry may differ
@@ -221,7 +221,7 @@ def copied(given: Any) -> Any:
     return given.copy() if hasattr(given, "copy") else given
 
 
-def stated(
+def jacobian_info(
     d: int,
     rhs: Callable | None,
     jac: Callable | None,
@@ -229,8 +229,8 @@ def stated(
     bandwidth: Any = None,
     jac_sparsity: Any = None,
     linear: Any = None,
-) -> Stated:
-    """Check what an equation of d components states of its Jacobian, and return it as `Stated`.
+) -> JacobianInfo:
+    """Check what an equation of d components states of its Jacobian; return it as `JacobianInfo`.
 
     `rearranged` says whether the system that is solved has other components than y.
     """
@@ -263,7 +263,7 @@ def stated(
     elif jac_sparsity is not None:
         rows, columns = _pattern(jac_sparsity, d)
         places, shape = np.arange(rows.size), (rows.size,)
-    return Stated(rows, columns, shape, places, matrix)
+    return JacobianInfo(rows, columns, shape, places, matrix)
 
 
 def _widths(bandwidth: Any, d: int) -> list[int]:

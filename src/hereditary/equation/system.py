@@ -138,7 +138,7 @@ class System:
     @cached_property
     def n_solved(self) -> int:
         """Number of components with an equation, which come first."""
-        return int(np.count_nonzero(~self.read))
+        return int(np.count_nonzero(~self.is_memory))
 
     @cached_property
     def distinct(self) -> tuple[list[tuple[tuple[float, Any], ...]], np.ndarray]:
@@ -183,7 +183,7 @@ class System:
         locked.flags.writeable = False
         return locked
 
-    def force(self, t: float, y: np.ndarray) -> np.ndarray:
+    def rhs(self, t: float, y: np.ndarray) -> np.ndarray:
         """Return the right-hand side at time t, counted from the start, and y (d,)."""
         if self.force_of_plan is not None:
             return self.force_of_plan(t, y)
@@ -206,7 +206,7 @@ class System:
         return t + sign * 8 * math.ulp(largest)
 
     @cached_property
-    def read(self) -> np.ndarray:
+    def is_memory(self) -> np.ndarray:
         """Whether each component is memory that the right-hand side reads, shape (d,)."""
         return self.sources != np.arange(self.d)
 
@@ -219,7 +219,7 @@ class System:
     def at_start(self) -> np.ndarray:
         """Components at time 0, shape (d,): y(0), and memory, which is 0 unless its order is 1."""
         first = self.y0[-1] if self.m == 2 else np.zeros(self.d)
-        return np.where(self.read, self.coefficient(1.0) * first, self.y0[0])
+        return np.where(self.is_memory, self.coefficient(1.0) * first, self.y0[0])
 
     def highest_orders(self) -> np.ndarray:
         """Return the highest order with a nonzero coefficient of each component, shape (d,).
@@ -235,14 +235,14 @@ class System:
         return highest
 
     @cached_property
-    def second(self) -> np.ndarray:
+    def above_one(self) -> np.ndarray:
         """Whether each component with an equation has an order above 1, shape (n_solved,)."""
         return self.highest_orders()[: self.n_solved] > 1
 
     @cached_property
     def with_speed(self) -> np.ndarray:
         """Numbers of the components with an equation of order above 1, (k,)."""
-        return np.flatnonzero(self.second)
+        return np.flatnonzero(self.above_one)
 
     @cached_property
     def algebraic(self) -> np.ndarray:
@@ -274,7 +274,7 @@ class System:
     @cached_property
     def reads(self) -> bool:
         """Whether the right-hand side reads memory."""
-        return bool(self.read.any())
+        return bool(self.is_memory.any())
 
     @cached_property
     def has_algebraic(self) -> bool:
@@ -350,9 +350,9 @@ class System:
         For a highest order above 1 the estimate is ydot. Otherwise it is the right-hand side over
         the leading coefficient, without the other terms.
         """
-        force = self.force(self.beside(t, 1), y)
+        f = self.rhs(self.beside(t, 1), y)
         with np.errstate(divide="ignore", invalid="ignore"):
-            slope = force / self.coefficient(self.highest_orders())
+            slope = f / self.coefficient(self.highest_orders())
         slope[: self.n_solved][self.algebraic] = 0.0
         return np.where(self.highest_orders() > 1, ydot, slope)
 
@@ -405,7 +405,7 @@ def variational(system: System, directions: np.ndarray) -> System:
     def force(t: float, y: np.ndarray) -> np.ndarray:
         forces = (system.derivative(t, y[:d]) @ y[d:].reshape(k, d).T).T
         forces[: system.by_params] += system.derivatives_by_parameters(t, y[:d])
-        return np.concatenate([system.force(t, y[:d]), forces.ravel()])
+        return np.concatenate([system.rhs(t, y[:d]), forces.ravel()])
 
     return _repeated(system, 1 + k, y0, force)
 
@@ -416,7 +416,7 @@ def side_by_side(systems: Sequence[System]) -> System:
 
     def force(t: float, y: np.ndarray) -> np.ndarray:
         return np.concatenate(
-            [system.force(t, y[m * d : (m + 1) * d]) for m, system in enumerate(systems)]
+            [system.rhs(t, y[m * d : (m + 1) * d]) for m, system in enumerate(systems)]
         )
 
     return _repeated(systems[0], len(systems), np.hstack([s.y0 for s in systems]), force)
@@ -438,10 +438,10 @@ def displaced(system: System, y0: np.ndarray, params: np.ndarray | None = None) 
     if params is not None:
         functions = functions._replace(params=np.append(params, functions.params[params.size :]))
     if delays:
-        lift = (y0 - system.y0[:, : y0.shape[1]])[0, : system.n_solved]
-        delays = tuple(each.lifted(lift) for each in delays)
+        displacement = (y0 - system.y0[:, : y0.shape[1]])[0, : system.n_solved]
+        delays = tuple(each.displaced(displacement) for each in delays)
         values = functions.delays.values.copy()
-        values[:, 0, :, 0] += lift
+        values[:, 0, :, 0] += displacement
         functions = functions._replace(delays=functions.delays._replace(values=values))
     y0 = np.take(y0, system.sources, axis=1)
     y0.flags.writeable = False

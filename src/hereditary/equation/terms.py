@@ -232,11 +232,11 @@ class VaryingOrder:
         -------
         powers : ndarray, shape (k,)
             k = n if all orders are in range.
-        trouble : str
+        failure : str
             A sentence about the first order out of range; empty if there is none.
         """
-        values, trouble = self.sampled(times)
-        return self.derivative - values, trouble
+        values, failure = self.sampled(times)
+        return self.derivative - values, failure
 
     def described(self, times: np.ndarray) -> object:
         """Return a description that can be compared: orders at several times.
@@ -253,7 +253,7 @@ class VaryingOrder:
         -------
         values : ndarray, shape (k,)
             Orders in (m - 1, m]; k = n if all are in this range.
-        trouble : str
+        failure : str
             A sentence about the first order out of range, or about an exception of the function;
             empty if there is neither.
         """

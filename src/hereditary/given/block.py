@@ -34,7 +34,7 @@ def keep_jacobian(m, t, k):
     """Store the Jacobian of the orbit at time t as number k of the output."""
     right, orbit = m.right, m.state.x[: m.table.n_orbit]
     out = m.output.jacobians[k]
-    m.state.counts.rhs += right.jacobian(right.force, t, orbit, m.room.units, out)
+    m.state.counts.rhs += right.jacobian(right.force, t, orbit, m.workspace.units, out)
 
 
 @inner
@@ -58,7 +58,7 @@ def begin_start(m, v, values, first):
 @inner
 def begin_others(m):
     """Store all start values of each column except the first, and add them to the first block."""
-    starts, values = m.state.starts, m.room.known
+    starts, values = m.state.starts, m.workspace.known
     for v in range(1, starts.shape[1]):
         for c in range(values.shape[0]):
             values[c] = starts[c, v]

@@ -21,19 +21,17 @@ _MIN_RECOMMENDED_FRACTION = 1e-6
 _FROM_EDGE = "where y begins at an edge of the domain of the right-hand side, use rtol="
 
 
-def ending(
-    status: int, scheme: Scheme, n: int, tried: np.ndarray, force: np.ndarray
-) -> Ending | None:
+def ending(status: int, scheme: Scheme, n: int, tried: np.ndarray, f: np.ndarray) -> Ending | None:
     """Return the reason why a march with this status of block.py cannot go on; None if it can.
 
     The march has made n steps. It took the right-hand side last at y = `tried`, (d,), where it is
-    `force`, (d,).
+    `f`, (d,).
     """
     statuses = {BLOWN_UP: Status.BLOWN_UP, NOT_SOLVED: Status.NOT_SOLVED}
     if status not in statuses:
         return None
     found, unsolved, newton = [], status == NOT_SOLVED, scheme.solve == "newton"
-    if newton and np.isfinite(tried).all() and not np.isfinite(force).all():
+    if newton and np.isfinite(tried).all() and not np.isfinite(f).all():
         found.append(NOT_FINITE)
     if newton and unsolved and n == 0:
         found.append(_FROM_EDGE)

@@ -102,7 +102,7 @@ def _leading(system: System) -> np.ndarray:
     """Return the factors a of t**alpha, (n_solved,); 0 if the right-hand side has no value at 0."""
     f, alpha = np.full(system.d, np.nan), system.highest_orders()
     with suppress(Exception):  # if the march needs f at 0, the march reports the exception
-        f = system.force(0.0, system.at_start)
+        f = system.rhs(0.0, system.at_start)
     if system.m == 2:
         f -= np.where(alpha > 1, system.coefficient(1.0), 0.0) * system.y0[1]
     lead = (f * rgamma(1 + alpha) / system.coefficient(alpha))[: system.n_solved]

@@ -23,8 +23,8 @@ from ..stepping.scheme import Scheme
 from ..stepping.state import State, check_identity, described, identity, state_of
 from ..stepping.status import Ending, Status, failed
 from ..stepping.stepper import (
+    Diagnostics,
     Grown,
-    Health,
     JumpingStepper,
     ResumableStepper,
     Stop,
@@ -51,8 +51,8 @@ from .signatures import (
     March,
     MarchMemory,
     MarchOutput,
-    StepArrays,
     StepTable,
+    StepWorkspace,
 )
 from .steps import MeshSteps, UniformSteps, before_break, break_steps, rows_beside
 
@@ -202,14 +202,14 @@ class FixedStepper(ResumableStepper, TangentStepper, JumpingStepper):
             drift=drift,
             corrections=corrections,
             starts=starts,
-            force=np.zeros(width),
+            last_f=np.zeros(width),
             lacks=np.zeros(width),
-            newton=self._newton.room,
+            newton=self._newton.workspace,
         )
         self.n = 0
         self._march.monitor["turns"][: orders.size] = np.where(orders == 2, -1.0, 0.0)
-        room = np.empty((len(StepArrays._fields) - 1, width))
-        self._room = StepArrays._make([*room, self._marched.positive_units])
+        workspace = np.empty((len(StepWorkspace._fields) - 1, width))
+        self._workspace = StepWorkspace._make([*workspace, self._marched.positive_units])
         self._right = self._marched.compiled
 
     def set_breaks(self, times: np.ndarray, t_end: float) -> None:
@@ -229,7 +229,7 @@ class FixedStepper(ResumableStepper, TangentStepper, JumpingStepper):
         """Make steps towards step `stop`, as many as take about a tenth of a second.
 
         Return the steps as `StepPieces`, or None if no step was made or `keep` is false. If the
-        right-hand side raises, the steps before the failing one stay, and `trouble` reports it.
+        right-hand side raises, the steps before the failing one stay, and `failure` reports it.
         """
         n, d = self.n, self.system.n_solved
         n_more = min(int(stop) - n, self._steps_at_once())
@@ -259,7 +259,7 @@ class FixedStepper(ResumableStepper, TangentStepper, JumpingStepper):
         if self._seconds == 0.0:
             began = time.perf_counter()
             try:
-                system.force(0.0, system.at_start)
+                system.rhs(0.0, system.at_start)
             except Exception:  # the march calls f again, and reports the exception
                 return 1
             self._seconds = max(time.perf_counter() - began, 1e-9)
@@ -288,7 +288,7 @@ class FixedStepper(ResumableStepper, TangentStepper, JumpingStepper):
         memory, start = self.memory, self.system.frame.start
         if self.n in self._breaks:
             self._forget_explicit()
-        jacobians = self._watch.room(self.n, n_end)
+        jacobians = self._watch.workspace(self.n, n_end)
         try:
             return self._loop(march_of(GivenWork(
                 right=self._right,
@@ -298,7 +298,7 @@ class FixedStepper(ResumableStepper, TangentStepper, JumpingStepper):
                 table=self._table,
                 rows=rows_beside(self._breaks, self.n, self._rows, self.steps, start),
                 state=self._march,
-                room=self._room,
+                workspace=self._workspace,
                 output=MarchOutput(rows, slopes, jacobians, self.n),
             ), self.scheme.solve), n_end)  # fmt: skip
         finally:
@@ -328,29 +328,29 @@ class FixedStepper(ResumableStepper, TangentStepper, JumpingStepper):
         slope = self._slopes()[: self.system.n_solved]
         # before the first step only components with an initial derivative have a slope
         known = self.n > 0 or (self.system.m == 1 and not self.system.frame.speeds)
-        return slope if known else np.where(self.system.second, slope, np.nan)
+        return slope if known else np.where(self.system.above_one, slope, np.nan)
 
     def _slopes(self) -> np.ndarray:
         """Return the first derivatives of all columns, those of orbit and tangents."""
         return (self._march.increment + 0.5 * self._march.change) / self.steps.unit(self.n)
 
     @property
-    def trouble(self) -> Ending | None:
+    def failure(self) -> Ending | None:
         """Why the march cannot go on, as an `Ending`; None if it can."""
         if self._error is not None:
             return failed(self._error)
-        tried, force = self._room.point[: self._marched.d], self._room.f[: self._marched.d]
-        return ending(self._status, self.scheme, self.n, tried, force)
+        tried, f = self._workspace.point[: self._marched.d], self._workspace.f[: self._marched.d]
+        return ending(self._status, self.scheme, self.n, tried, f)
 
     @property
-    def health(self) -> Health:
+    def diagnostics(self) -> Diagnostics:
         """Whether steps exceed their stability limit, and whether kernels meet their tolerance."""
         status = self._instability()
         remedy, counts = "", self._march.counts
         if status:
             zigzag, growth = int(counts["zigzag"]), int(counts["growth"])
             remedy = remedy_of(self.system, self.scheme, self.h, self._watch, zigzag, growth)
-        return Health(status, remedy, self._misfit)
+        return Diagnostics(status, remedy, self._misfit)
 
     def _instability(self) -> Status | None:
         """Return the status of a march beyond its stability limit; None for a stable march."""
@@ -399,8 +399,8 @@ class FixedStepper(ResumableStepper, TangentStepper, JumpingStepper):
         """Factorise the matrix of a restored march again, if its factors are in use."""
         if self._march.counts["kept"]:
             solver, tables = self._newton.solver, self._newton.tables
-            room = np.empty(tables.order.size)
-            solver(FACTORISE, 0, self._march.newton[1], room, by_reference(tables, LINEAR))
+            workspace = np.empty(tables.order.size)
+            solver(FACTORISE, 0, self._march.newton[1], workspace, by_reference(tables, LINEAR))
 
     def stop_at(self, t: float) -> Stop:
         """Return the first step n with t_n >= t, and t_n, as a `Stop`.
@@ -479,7 +479,7 @@ class FixedStepper(ResumableStepper, TangentStepper, JumpingStepper):
             self._loop = march
         return Grown(piece, np.vstack(grown), self._status == LOST)
 
-    def parts(self) -> list[Any]:
+    def linear_arrays(self) -> list[Any]:
         """Return the arrays of march and memory that are linear in the solution, not copies."""
         march = self._march
         others = {id(part) for part in (march.counts, march.monitor, march.newton)}
@@ -520,14 +520,14 @@ class FixedStepper(ResumableStepper, TangentStepper, JumpingStepper):
             return
         march.counts["rhs"] += 1
         try:
-            force = system.force(self.t, march.x[:n])
+            f = system.rhs(self.t, march.x[:n])
         except Exception:
             return
         own = table.sources[:n] == np.arange(n)  # False for memory that f reads: no pieces of f
         p, first_order = newest % march.lag.shape[1], own & (system.highest_orders()[:n] == 1)
-        jump = np.where(first_order, force - march.pieces[:n, p + 1], 0.0)
+        jump = np.where(first_order, f - march.pieces[:n, p + 1], 0.0)
         march.pieces[:n, p + 1] += jump
-        march.force[:n] = np.where(first_order, force, march.force[:n])
+        march.last_f[:n] = np.where(first_order, f, march.last_f[:n])
         ahead = march.lag[:n, p + 2 :]
         ahead += table.weights[table.groups[:n], 2 : 2 + ahead.shape[1]] * jump[:, None]
 

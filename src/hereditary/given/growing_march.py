@@ -114,7 +114,7 @@ def combine_tangents(state, memory, d, lasting, matrix):
         forget(state.starts, d)
         if lasting == 0:
             forget(state.corrections, d)
-    for vector in (state.x, state.increment, state.change, state.shift, state.force, state.lacks):
+    for vector in (state.x, state.increment, state.change, state.shift, state.last_f, state.lacks):
         combine(vector.reshape(-1, 1), d, matrix)
     for array in (state.lag, state.pieces, state.drift, state.corrections, state.starts):
         combine(array, d, matrix)

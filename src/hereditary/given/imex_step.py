@@ -21,11 +21,13 @@ def solve_linearly(m, t, i):
     which is used only if counts.extrapolates is 1.
     """
     # state.newton (2, ., .): A, and the matrix of the step, whose factors are kept
-    right, room, rows, counts, work = m.right, m.room, m.rows, m.state.counts, m.state.newton
-    x, force, w, moved, f, point = m.state.x, m.state.force, room.w, room.moved, room.f, room.point
-    known, lead, base = room.known, room.lead, room.base
+    right, workspace = m.right, m.workspace
+    rows, counts, work = m.rows, m.state.counts, m.state.newton
+    x, last_f, w = m.state.x, m.state.last_f, workspace.w
+    moved, f, point = workspace.moved, workspace.f, workspace.point
+    known, lead, base = workspace.known, workspace.lead, workspace.base
     if counts.kept == 0 or differs(i, rows):
-        right.jacobian(right.force, t, x, room.units, work[0])
+        right.jacobian(right.force, t, x, workspace.units, work[0])
         counts.kept = int(set_factors(m, 0))
         if counts.kept == 0:
             return False
@@ -36,8 +38,8 @@ def solve_linearly(m, t, i):
     for c in range(x.shape[0]):
         point[c] = base[c] - x[c]
         moved[c] = f[c] - moved[c]
-        f[c] += ahead * (moved[c] - force[c]) if ahead > 0.0 else 0.0
-        force[c] = moved[c]
+        f[c] += ahead * (moved[c] - last_f[c]) if ahead > 0.0 else 0.0
+        last_f[c] = moved[c]
     counts.extrapolates = 1
     multiply(work[0], point, moved)
     for c in range(x.shape[0]):

@@ -47,7 +47,7 @@ class JacobianWatch:
         self.every = block * self._region.every if self._region else 0
         self.largest, self.step = 0.0, 0
 
-    def room(self, n: int, n_end: int) -> np.ndarray:
+    def workspace(self, n: int, n_end: int) -> np.ndarray:
         """Return an array for the Jacobians that the march computes in steps n to n_end - 1."""
         if self._region is None:
             return np.zeros((0, 0, 0))
@@ -60,7 +60,7 @@ class JacobianWatch:
     def note(self, jacobians: np.ndarray, n: int) -> None:
         """Update the largest ratio from the Jacobians that the march to step n has computed.
 
-        `jacobians` is the array that `room` returned.
+        `jacobians` is the array that `workspace` returned.
         """
         made = self._before(n) - self._first if self._region else 0
         if self._region is None or made == 0:

@@ -21,30 +21,30 @@ class NewtonSetup(NamedTuple):
     """Linear solver of Newton's method.
 
     - solver: the compiled function; tables: its tables.
-    - room: array for the Jacobian and the matrices, `March.newton`.
+    - workspace: array for the Jacobian and the matrices, `March.newton`.
     - held: keeps a reference to the Python function that `solver` may call.
     """
 
     solver: Any
     tables: LinearSolver
-    room: np.ndarray
+    workspace: np.ndarray
     held: Any = None
 
     def taken_over(self, march: March) -> np.ndarray:
-        """Return `room` with the matrices of a restored march.
+        """Return `workspace` with the matrices of a restored march.
 
         If the entries of a sparse Jacobian are at other places, the march's factors are invalid.
         Then the next step factorises its matrix again.
         """
-        kept, room = march.newton, self.room
-        if kept.shape == room.shape and kept.shape[1] == kept.shape[2]:
+        kept, workspace = march.newton, self.workspace
+        if kept.shape == workspace.shape and kept.shape[1] == kept.shape[2]:
             return kept
         places = slice(ROWS, COLUMNS + 1)
-        if kept.shape == room.shape and np.array_equal(kept[:, places], room[:, places]):
-            room[:, VALUES] = kept[:, VALUES]
+        if kept.shape == workspace.shape and np.array_equal(kept[:, places], workspace[:, places]):
+            workspace[:, VALUES] = kept[:, VALUES]
         else:
             march.counts["kept"] = 0
-        return room
+        return workspace
 
 
 def newton_of(
@@ -54,26 +54,26 @@ def newton_of(
 
     `solve` is that of the scheme; `exact` means that one iteration solves a step. For at most `FEW`
     components Newton's method eliminates by itself, and the linear solver is for the tangents only.
-    `NewtonSetup.room` is empty if no step needs a Jacobian.
+    `NewtonSetup.workspace` is empty if no step needs a Jacobian.
     """
     implicit = solve in ("newton", "imex")
-    slots = 1 + int(tangents)
+    n_matrices = 1 + int(tangents)
     if structure is None and not implicit and not tangents:
         return _nothing()
     if structure is not None:
-        return _of_structure(structure, slots, implicit, int(exact))
+        return _of_structure(structure, n_matrices, implicit, int(exact))
     few = d <= FEW and solve == "newton"
     n = d if implicit and (tangents or not few) else 0
     size = d if implicit or tangents else 0
     tables = LinearSolver(
-        factors=np.zeros((slots if n else 0, n + 2, n)),
+        factors=np.zeros((n_matrices if n else 0, n + 2, n)),
         order=np.arange(n),
         lapack=address_of_factors(n),
         exact=int(exact and not few),
         few=int(few),
     )
     solver = as_value(dense_solver if n else no_solver, SOLVER_SIG)
-    return NewtonSetup(solver, tables, np.zeros((1 + slots, size, size)))
+    return NewtonSetup(solver, tables, np.zeros((1 + n_matrices, size, size)))
 
 
 @lru_cache(maxsize=1)
@@ -83,18 +83,18 @@ def _nothing() -> NewtonSetup:
     return NewtonSetup(as_value(no_solver, SOLVER_SIG), tables, np.zeros((2, 0, 0)))
 
 
-def _of_structure(structure: Structure, slots: int, implicit: bool, exact: int) -> NewtonSetup:
-    """Return `NewtonSetup` for Jacobians of a structure, with factors of `slots` matrices."""
+def _of_structure(structure: Structure, n_matrices: int, implicit: bool, exact: int) -> NewtonSetup:
+    """Return `NewtonSetup` for Jacobians of a structure, with factors of `n_matrices` matrices."""
     band, held, solver = structure.band, None, no_solver
-    room = np.tile(structure.entries, (1 + slots if implicit else 1, 1, 1))
+    workspace = np.tile(structure.entries, (1 + n_matrices if implicit else 1, 1, 1))
     tables = LinearSolver(np.zeros((0, 0, 0)), np.arange(0), exact=exact)
     if implicit and band is None:
         held, solver = SparseFactors(structure, float), sparse_solver
         tables = tables._replace(order=np.arange(structure.n), python=held.address)
     elif implicit and band is not None:
         solver, (lower, upper, order) = banded_solver, band
-        factors = np.zeros((slots, order.size, 2 * lower + upper + 2))
+        factors = np.zeros((n_matrices, order.size, 2 * lower + upper + 2))
         lapack = lapack_address("dgbtrf")
         places = order.astype(np.int64)
         tables = LinearSolver(factors, places, lower, upper, lapack, exact=exact)
-    return NewtonSetup(as_value(solver, SOLVER_SIG), tables, room, held)
+    return NewtonSetup(as_value(solver, SOLVER_SIG), tables, workspace, held)

@@ -46,14 +46,14 @@ from .step import (
     correct,
     evaluate,
     first_value,
-    know,
-    look,
+    keep_last_f,
+    load_coefficients,
     predict,
     push_nothing,
     push_tangents,
-    see,
-    settle,
-    take_row,
+    set_argument,
+    set_argument_map,
+    set_known_terms,
 )
 from .watch import watch_turn
 
@@ -75,12 +75,14 @@ def marching(name: str, way: str) -> Callable[..., Any]:
 
     def march(march, end):
         m = march.work
-        table, rows, state, room, memory = m.table, m.rows, m.state, m.room, m.memory
+        table, rows, state, workspace, memory = m.table, m.rows, m.state, m.workspace, m.memory
         h, every, integral, slowest = table.h, table.every, table.integral, table.slowest
-        counts, x, u, d, f, row = state.counts, state.x, state.increment, state.change, room.f, -1
+        counts, x, u = state.counts, state.x, state.increment
+        d, f, row = state.change, workspace.f, -1
         lag, pieces, groups, weights = state.lag, state.pieces, table.groups, table.weights
         theta, unit, ratio, width = rows.theta, rows.unit, rows.ratio, x.shape[0]
-        orbit, point, starting = x[: table.n_orbit], room.point, table.start_weights.shape[1] > 0
+        orbit = x[: table.n_orbit]
+        point, starting = workspace.point, table.start_weights.shape[1] > 0
         first_sample = (m.output.first + every - 1) // every if every > 0 else 0
         by_rows = memory.tables.room.shape[1] > 0  # inline, as a history's call would take 45 ns
         known_terms = table.powers.shape[0] > 0
@@ -96,21 +98,21 @@ def marching(name: str, way: str) -> Callable[..., Any]:
                 if n == 0 and integral == 0:  # step 0 itself gives the first start value
                     begin_others(m)
                 elif n == 0 and not explicit:
-                    evaluate(march, 0.0, x, state.force)
-                    begin_start(m, 0, state.force, 0)
+                    evaluate(march, 0.0, x, state.last_f)
+                    begin_start(m, 0, state.last_f, 0)
                 counts.opened = n
             if every > 0 and n % every == 0:
                 keep_jacobian(m, n * h, n // every - first_sample)
             if i != row:  # uniform steps share one row of coefficients
-                take_row(m, i)
+                load_coefficients(m, i)
                 row = i
-            know(m, p)
+            set_known_terms(m, p)
             if rows.drift.shape[1] > 0:
                 add_drift(m, i)
             if known_terms or n < state.corrections.shape[1]:
                 add_powers(m, n, t)
             if not explicit:
-                see(m, theta[i])
+                set_argument_map(m, theta[i])
             if explicit:
                 evaluate(march, t, x, f)
                 change(m, n, p)
@@ -119,28 +121,28 @@ def marching(name: str, way: str) -> Callable[..., Any]:
                 if not solve_step(march, t):
                     return NOT_SOLVED
                 if integral == 1:
-                    look(m, width)
+                    set_argument(m, width)
                     evaluate(march, t, point, f)
-                    put(f, state.force)
+                    put(f, state.last_f)
             elif imex:
                 if not solve_linearly(m, t, i):
                     return NOT_SOLVED
             else:
                 predict(m)
-                look(m, width)
+                set_argument(m, width)
                 for _ in range(table.sweeps):
                     evaluate(march, t, point, f)
                     correct(m)
-                    look(m, width)
+                    set_argument(m, width)
                 evaluate(march, t, point, f)
-                settle(m)
+                keep_last_f(m)
             close(m, n, p, ratio[i], explicit)
             for c in range(table.n_solved if slowest > 0.0 else 0):
                 if (u[c] - d[c]) * u[c] < 0.0:  # a turn: the increment changed its sign
                     watch_turn(state.monitor[c], d[c], u[c], x[c], slowest, counts)
             if n == 0 and integral == 0 and starting:
                 first_value(m, explicit)
-                begin_start(m, 0, room.known, 1)
+                begin_start(m, 0, workspace.known, 1)
             counts.step = n + 1
             if m.output.rows.shape[0] > 0:
                 write_row(m, n - m.output.first, unit[i], ratio[i])

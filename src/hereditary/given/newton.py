@@ -19,7 +19,7 @@ from ..compiled.jit import inner, plug_in
 from ..compiled.linalg import solve_in_place
 from ..compiled.newton import ACCEPT, CHECK, FAIL, ITERATE, REFRESH, RESTART
 from ..compiled.signatures import FACTORISE, SUBSTITUTE
-from .step import look
+from .step import set_argument
 
 # Newton iterations after which a step counts as not solved.
 _STEP_NEWTON_MAXITER = 38
@@ -71,11 +71,11 @@ def solve_step(march, t):
     # state.newton (2, ., .), or (3, ., .) with tangents: the Jacobian, Newton's matrix, and the
     # matrix of the tangents' equations
     m = march.work
-    right, room, counts, work = m.right, m.room, m.state.counts, m.state.newton
+    right, workspace, counts, work = m.right, m.workspace, m.state.counts, m.state.newton
     n, d, few = m.table.n_orbit, m.table.n_solved, m.linear.few == 1
-    base, scale, lead, known = room.base, room.scale, room.lead, room.known
-    w, first, shift, change = room.w, room.first, room.shift, room.moved[:n]
-    point, f = room.point[:n], room.f[:n]
+    base, scale, lead, known = workspace.base, workspace.scale, workspace.lead, workspace.known
+    w, first, shift, change = workspace.w, workspace.first, workspace.shift, workspace.moved[:n]
+    point, f = workspace.point[:n], workspace.f[:n]
     previous, residual, grown = np.inf, 0.0, 0.0
     fresh, stalled, done = False, False, False
     for c in range(d):
@@ -83,13 +83,13 @@ def solve_step(march, t):
     if counts.renewed > 0:
         counts.renewed, counts.kept = counts.renewed - 1, 0
     for iteration in range(_STEP_NEWTON_MAXITER):
-        look(m, n)
+        set_argument(m, n)
         set_force(right.force, t, point, f)
         counts.rhs += 1
         if not is_finite(f, d) and not step_back(m, t):
             break
         if counts.kept == 0:
-            counts.rhs += right.jacobian(right.force, t, point, room.units, work[0])
+            counts.rhs += right.jacobian(right.force, t, point, workspace.units, work[0])
             if not few and not set_factors(m, 0):
                 return False
             counts.kept, counts.at_once, fresh, previous = 1, 0, True, np.inf
@@ -192,14 +192,15 @@ def step_back(m, t):
     halved in the same way. Newton's method may leave the domain of f near an edge where the slope
     of f is infinite.
     """
-    force, room, n, d = m.right.force, m.room, m.table.n_orbit, m.table.n_solved
-    w, change, lead, known, scale = room.w, room.moved, room.lead, room.known, room.scale
-    point, f = room.point[:n], room.f[:n]
+    force, workspace, n, d = m.right.force, m.workspace, m.table.n_orbit, m.table.n_solved
+    w, change = workspace.w, workspace.moved
+    lead, known, scale = workspace.lead, workspace.known, workspace.scale
+    point, f = workspace.point[:n], workspace.f[:n]
     for trial in range(2 * _MAX_HALVINGS_OF_CORRECTION + 1):
         for c in range(d):
             change[c] *= 0.5 if trial != _MAX_HALVINGS_OF_CORRECTION else 1.0
             w[c] -= change[c]
-        look(m, n)
+        set_argument(m, n)
         set_force(force, t, point, f)
         m.state.counts.rhs += 1
         if is_finite(f, d) == (trial != _MAX_HALVINGS_OF_CORRECTION):
@@ -217,8 +218,9 @@ def set_matrix(m, out):
     The Jacobian of f is state.newton[0], dense or sparse; `out` has the same format. Components
     without an equation get rows of the unit matrix.
     """
-    room, j_f, sources = m.room, m.state.newton[0], m.table.sources
-    n, d, gain, scale, lead = m.table.n_orbit, m.table.n_solved, room.gain, room.scale, room.lead
+    workspace, j_f, sources = m.workspace, m.state.newton[0], m.table.sources
+    n, d = m.table.n_orbit, m.table.n_solved
+    gain, scale, lead = workspace.gain, workspace.scale, workspace.lead
     if is_sparse(j_f, n):
         for k in range(j_f.shape[1]):
             i, j = int(j_f[ROWS, k]), int(j_f[COLUMNS, k])
@@ -238,16 +240,17 @@ def set_factors(m, number):
     matrix = m.state.newton[1 + number]
     set_matrix(m, matrix)
     m.state.counts.factorised += 1
-    return m.solver(FACTORISE, number, matrix, m.room.moved[: m.table.n_orbit], m.linear) == 0
+    return m.solver(FACTORISE, number, matrix, m.workspace.moved[: m.table.n_orbit], m.linear) == 0
 
 
 @inner(allocates=True)
 def within_rounding(m, residual):
     """Return whether all residuals (n,) are as small as rounding errors of their summands."""
-    room, n = m.room, m.table.n_orbit
-    lead, f, known, scale, w = room.lead, room.f, room.known, room.scale, room.w
+    workspace, n = m.workspace, m.table.n_orbit
+    lead, f = workspace.lead, workspace.f
+    known, scale, w = workspace.known, workspace.scale, workspace.w
     sizes = np.empty(n)
-    magnitudes(m.state.newton[0], room.point[:n], sizes)  # sizes of the summands of f
+    magnitudes(m.state.newton[0], workspace.point[:n], sizes)  # sizes of the summands of f
     for i in range(m.table.n_solved):
         size = abs(lead[i]) * (sizes[i] + abs(f[i])) + abs(known[i]) + abs(scale[i] * w[i])
         if not abs(residual[i]) <= _ROUNDING_OF_RESIDUAL * size:
@@ -268,17 +271,21 @@ def solve_tangents(m, t):
     J is the Jacobian at the solution of the orbit's step, which is already known. Only tangents
     that are derivatives by a parameter p have a df / dp. Return False if the matrix is singular.
     """
-    right, room, n, d, work = m.right, m.room, m.table.n_orbit, m.table.n_solved, m.state.newton
-    base, w, lead, known, change = room.base, room.w, room.lead, room.known, room.moved[:n]
-    look(m, n)
-    m.state.counts.rhs += right.jacobian(right.force, t, room.point[:n], room.units, work[0])
+    right, workspace = m.right, m.workspace
+    n, d, work = m.table.n_orbit, m.table.n_solved, m.state.newton
+    base, w = workspace.base, workspace.w
+    lead, known, change = workspace.lead, workspace.known, workspace.moved[:n]
+    set_argument(m, n)
+    m.state.counts.rhs += right.jacobian(
+        right.force, t, workspace.point[:n], workspace.units, work[0]
+    )
     if not set_factors(m, 1):
         return False
     for first in range(n, base.shape[0], n):
         multiply(work[0], base[first : first + n], change)
         k = first // n - 1
         if k < right.by_params:
-            calls = add_derivative_by(k, right.force, t, room.point[:n], change)
+            calls = add_derivative_by(k, right.force, t, workspace.point[:n], change)
             m.state.counts.rhs += calls
         for i in range(n):
             change[i] = lead[i] * change[i] - known[first + i] if i < d else 0.0
@@ -295,13 +302,13 @@ def guess(m, p, ratio):
     If pieces are values of f, the guess solves the step with the last f. Otherwise it is the last
     increment times `ratio`, the ratio of the two step sizes. `p` is the index of this increment.
     """
-    lead, known, w, force, pieces = (
-        m.room.lead,
-        m.room.known,
-        m.room.w,
-        m.state.force,
+    lead, known, w, last_f, pieces = (
+        m.workspace.lead,
+        m.workspace.known,
+        m.workspace.w,
+        m.state.last_f,
         m.state.pieces,
     )
     integral = m.table.integral
     for c in range(w.shape[0]):
-        w[c] = lead[c] * force[c] - known[c] if integral == 1 else ratio * pieces[c, p]
+        w[c] = lead[c] * last_f[c] - known[c] if integral == 1 else ratio * pieces[c, p]

@@ -42,7 +42,7 @@ class Pairs(TangentStepper):
         for direction in separation * directions.T:
             starts.append(system.y0[:, :n].copy())
             starts[-1][0] += direction[:n]
-            starts[-1][1:, system.second] += direction[n:]
+            starts[-1][1:, system.above_one] += direction[n:]
         self._orbit = opened(system)
         self._others = [opened(displaced(system, y0)) for y0 in starts]
         self._all = [self._orbit, *self._others]
@@ -60,7 +60,7 @@ class Pairs(TangentStepper):
         """March some way towards `stop`; return dense output of the first orbit if it is kept."""
         piece = self._orbit.advance(stop, keep)
         for other in self._others:
-            while other.position < self._orbit.position and not other.trouble:
+            while other.position < self._orbit.position and not other.failure:
                 other.advance(self._orbit.position, keep=False)
         return piece
 
@@ -68,12 +68,12 @@ class Pairs(TangentStepper):
     t = property(lambda self: self._orbit.t)
     y = property(lambda self: self._orbit.y)
     ydot = property(lambda self: self._orbit.ydot)
-    health = property(lambda self: self._orbit.health)
+    diagnostics = property(lambda self: self._orbit.diagnostics)
 
     @property
-    def trouble(self) -> Ending | None:
+    def failure(self) -> Ending | None:
         """Why the first orbit that cannot go on has stopped, otherwise None."""
-        return next((stepper.trouble for stepper in self._all if stepper.trouble), None)
+        return next((stepper.failure for stepper in self._all if stepper.failure), None)
 
     def stats(self) -> dict[str, Any]:
         """Return the counts of the first orbit, but the calls of f of all orbits."""
@@ -95,12 +95,12 @@ class Pairs(TangentStepper):
 
         These are differences of y, and of y' for orders above 1.
         """
-        first, *others = (np.append(each.y, each.ydot[self.system.second]) for each in self._all)
+        first, *others = (np.append(each.y, each.ydot[self.system.above_one]) for each in self._all)
         return (np.array(others) - first).T / self._separation
 
     def transform_tangent(self, matrix: np.ndarray) -> None:
         """Replace the differences, and those of all memory, by ``tangent @ matrix``."""
-        for first, *others in zip(*(stepper.parts() for stepper in self._all), strict=True):
+        for first, *others in zip(*(stepper.linear_arrays() for stepper in self._all), strict=True):
             drawn = np.tensordot(matrix.T, np.array(others) - first, axes=1)
             for array, difference in zip(others, drawn, strict=True):
                 array[...] = first + difference

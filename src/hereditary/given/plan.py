@@ -213,6 +213,9 @@ def distinct_columns(system: System) -> tuple[list[Any], np.ndarray]:
         Group of each component.
     """
     distinct, groups = system.distinct
-    keys = [(distinct[a], bool(read)) for a, read in zip(groups, system.read, strict=True)]
+    keys = [
+        (distinct[a], bool(is_memory))
+        for a, is_memory in zip(groups, system.is_memory, strict=True)
+    ]
     found = list(dict.fromkeys(keys))
     return found, np.array([found.index(key) for key in keys], dtype=np.int64)

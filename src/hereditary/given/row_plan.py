@@ -261,11 +261,11 @@ class RowSums:
         self, system: System, steps: Any, parabolas: int = 0, explicit: bool = False
     ) -> None:
         distinct, self.groups = distinct_columns(system)
-        self.terms, read = zip(*distinct, strict=True)
+        self.terms, is_memory = zip(*distinct, strict=True)
         self.steps, self._parabolas, self._explicit = steps, parabolas, explicit
         # an explicit step computes the memory that f reads in the next step: t x'(0) is that of the
         # next step, too
-        self._read, self._late = read, np.array(read) * explicit
+        self._is_memory, self._late = is_memory, np.array(is_memory) * explicit
         self._operators = list(dict.fromkeys(op for terms in self.terms for _, op in terms))
         self.from_zero = any(operator.from_zero for operator in self._operators)
         self.varies, self._above = system.varies, system.m == 2
@@ -280,9 +280,9 @@ class RowSums:
         """
         if n_end > self._n_end:
             some = np.unique(np.linspace(0, n_end - 1, _LOOKED_AT).astype(int))
-            *_, trouble = self._sampled(some)
-            if trouble:
-                raise OrderFailed(trouble)
+            *_, failure = self._sampled(some)
+            if failure:
+                raise OrderFailed(failure)
             self._n_end = n_end
 
     def reach(self, n: int) -> tuple[int, StepRows]:
@@ -313,12 +313,12 @@ class RowSums:
 
         The message describes the first invalid order, and is empty if all are valid.
         """
-        times, found, n_good, trouble = self.steps.times(n), {}, n.size, ""
+        times, found, n_good, failure = self.steps.times(n), {}, n.size, ""
         for operator in self._operators:
             found[operator], reason = operator.powers(times[:n_good])
             if reason:
-                n_good, trouble = found[operator].size, reason
-        return found, n_good, trouble
+                n_good, failure = found[operator].size, reason
+        return found, n_good, failure
 
     def _fill(self, n: np.ndarray) -> int:
         """Compute the coefficients of steps n; return how many steps have valid ones.
@@ -366,7 +366,7 @@ class RowSums:
             for c, operator in terms:
                 p, factor = self.powers[operator]
                 # the derivative of t x'(0); equations of half the order (reduce_order) omit it
-                if operator.derivative == 1 and (above or self._read[a]):
+                if operator.derivative == 1 and (above or self._is_memory[a]):
                     times = self.steps.times(n + self._late[a])
                     found[0, a] += c * factor * times**p
                 if operator.from_zero:

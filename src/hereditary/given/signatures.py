@@ -55,7 +55,7 @@ class Tables(NamedTuple):
     room: Matrix = _EMPTY
 
 
-class Held(NamedTuple):
+class HistoryArrays(NamedTuple):
     """Contents of a history's memory for each of W columns, all linear in the solution.
 
     - pieces (W, .): stored pieces; modes (W, .): modes of a sum of exponentials.
@@ -71,14 +71,16 @@ class Held(NamedTuple):
 
 def held(
     n_columns: int, pieces: int = 0, modes: int = 0, starts: int = 0, pending: int = 0
-) -> Held:
-    """Return a `Held` of zeros; the arguments are its numbers of columns and of entries in each."""
-    return Held(*(np.zeros((n_columns, size)) for size in (pieces, modes, starts, pending)))
+) -> HistoryArrays:
+    """Return `HistoryArrays` of zeros; the arguments are its numbers of columns and entries."""
+    return HistoryArrays(
+        *(np.zeros((n_columns, size)) for size in (pieces, modes, starts, pending))
+    )
 
 
 # Numba types of references to the tables of a history and to the contents of its memory.
 HISTORY_TABLES = Reference(compiled_type(Tables))
-MEMORY = Reference(compiled_type(Held))
+MEMORY = Reference(compiled_type(HistoryArrays))
 # Signature of a history's function. Its arguments are lag (W, B), pieces (W, B + 1), a step,
 # groups (W,), tables and memory. The step is the first one of the next block; groups has the group
 # of each column. The function stores all pieces but the last (none at step 0), and adds to lag.
@@ -90,7 +92,7 @@ class MarchMemory(NamedTuple):
 
     exchange: Annotated[Any, FunctionField(EXCHANGE_SIG)]
     tables: Tables
-    arrays: Held
+    arrays: HistoryArrays
 
 
 # Record with counts of a march. Zigzags and turns are explained in given/watch.py.
@@ -222,7 +224,7 @@ class March(NamedTuple):
     - drift (W, r): amplitudes of r known terms, or x(0) if StepRows.drift has factors of x(0).
     - corrections (W, k): corrections of the right-hand side in the first k steps.
     - starts (W, V): V start values of each column.
-    - force (W,): the newest right-hand side.
+    - last_f (W,): the newest right-hand side.
     - lacks (W,): lead times the change of f by the last corrector sweep.
     - newton (2, ., .): the Jacobian, and Newton's matrix, whose factors may be kept
       (given/newton.py). (3, ., .) with the matrix of the tangents' equations.
@@ -239,7 +241,7 @@ class March(NamedTuple):
     drift: Matrix
     corrections: Matrix
     starts: Matrix
-    force: Vector
+    last_f: Vector
     lacks: Vector
     newton: Cube
 
@@ -257,7 +259,7 @@ class MarchOutput(NamedTuple):
     first: int
 
 
-class StepArrays(NamedTuple):
+class StepWorkspace(NamedTuple):
     """Working arrays of one step, for W columns; the first d columns are the orbit.
 
     - known (W,): the part of the left side that does not depend on this step's increment.
@@ -299,7 +301,7 @@ class GivenWork(NamedTuple):
     table: StepTable
     rows: StepRows
     state: March
-    room: StepArrays
+    workspace: StepWorkspace
     output: MarchOutput
 
 

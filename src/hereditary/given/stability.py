@@ -182,7 +182,7 @@ def largest_step(limits: Callable[..., Any], stiffness: float) -> float:
 
 def longest_step(scheme: Any, system: System, h: float, ratio: float) -> float:
     """Return the step whose limits of stability are `ratio` times those at step h; 0 if unknown."""
-    if system.varies or system.read.any():
+    if system.varies or system.is_memory.any():
         return 0.0
     if not hasattr(scheme, "step_limit"):  # such schemes take one term per component
         return h * ratio ** (-1 / float(system.highest_orders().min()))

@@ -1,7 +1,7 @@
 """Parts of one step of a march, for all columns (components of the orbit and of the tangents).
 
-Names of arrays are those of `StepArrays` and `March`. `predict`, `correct` and `settle` belong to
-predictor-corrector schemes, whose pieces are values of f.
+Names of arrays are those of `StepWorkspace` and `March`. `predict`, `correct` and `keep_last_f`
+belong to predictor-corrector schemes, whose pieces are values of f.
 """
 
 from ..compiled.functions import set_force
@@ -27,7 +27,7 @@ def push_tangents(m, t, x, f):
     df / dp_k is added to the first tangents only, which are derivatives by a parameter.
     """
     right, d, j_f = m.right, m.table.n_orbit, m.state.newton[-1]
-    m.state.counts.rhs += right.jacobian(right.force, t, x[:d], m.room.units, j_f)
+    m.state.counts.rhs += right.jacobian(right.force, t, x[:d], m.workspace.units, j_f)
     for first in range(d, x.shape[0], d):
         multiply(j_f, x[first : first + d], f[first : first + d])
     for k in range(right.by_params):
@@ -48,19 +48,19 @@ def predict(m):
     The last step used an f that was evaluated once more at its end. `lacks` is lead times the
     difference, which the solution still lacks.
     """
-    known, lead, w = m.room.known, m.room.lead, m.room.w
-    force, lacks = m.state.force, m.state.lacks
+    known, lead, w = m.workspace.known, m.workspace.lead, m.workspace.w
+    last_f, lacks = m.state.last_f, m.state.lacks
     for c in range(w.shape[0]):
         known[c] -= lacks[c]
-        w[c] = lead[c] * force[c] - known[c]
+        w[c] = lead[c] * last_f[c] - known[c]
         lacks[c] = 0.0
 
 
 @inner
 def correct(m):
     """Make one corrector sweep: compute w from f, and set `lacks` to minus lead times this f."""
-    known, lead, w, f = m.room.known, m.room.lead, m.room.w, m.room.f
-    moved, lacks = m.room.moved, m.state.lacks
+    known, lead, w, f = m.workspace.known, m.workspace.lead, m.workspace.w, m.workspace.f
+    moved, lacks = m.workspace.moved, m.state.lacks
     for c in range(w.shape[0]):
         corrected = lead[c] * f[c] - known[c]
         moved[c] = corrected - w[c]
@@ -69,20 +69,20 @@ def correct(m):
 
 
 @inner
-def settle(m):
-    """Set `force` to the final f of a step, and `lacks` to lead times the last change of f."""
-    lead, f, force, lacks = m.room.lead, m.room.f, m.state.force, m.state.lacks
+def keep_last_f(m):
+    """Set `last_f` to the final f of a step, and `lacks` to lead times the last change of f."""
+    lead, f, last_f, lacks = m.workspace.lead, m.workspace.f, m.state.last_f, m.state.lacks
     for c in range(f.shape[0]):
-        force[c] = f[c]
+        last_f[c] = f[c]
         lacks[c] += lead[c] * f[c]
 
 
 @inner
-def take_row(m, i):
+def load_coefficients(m, i):
     """Copy the coefficients of each column from row i of the step coefficients."""
-    groups, speed, rows, room = m.table.groups, m.state.shift, m.rows, m.room
+    groups, speed, rows, workspace = m.table.groups, m.state.shift, m.rows, m.workspace
     leads, nears, scales, length = rows.lead, rows.near, rows.scale, rows.length[i]
-    shift, lead, near, scale = room.shift, room.lead, room.near, room.scale
+    shift, lead, near, scale = workspace.shift, workspace.lead, workspace.near, workspace.scale
     for c in range(lead.shape[0]):
         a = groups[c]
         shift[c], lead[c] = length * speed[c], leads[a, i]
@@ -90,9 +90,9 @@ def take_row(m, i):
 
 
 @inner
-def know(m, p):
+def set_known_terms(m, p):
     """Set `known` to the lag of the step plus the weighted newest piece, number p of its block."""
-    known, near, lag, pieces = m.room.known, m.room.near, m.state.lag, m.state.pieces
+    known, near, lag, pieces = m.workspace.known, m.workspace.near, m.state.lag, m.state.pieces
     for c in range(known.shape[0]):
         known[c] = near[c] * pieces[c, p] + lag[c, p]
 
@@ -104,7 +104,7 @@ def add_drift(m, i):
     x(0) occurs in Riemann-Liouville terms only; then the state's `drift` is x(0).
     """
     groups, drifts, speed, amplitudes = m.table.groups, m.rows.drift, m.state.shift, m.state.drift
-    known, n_groups = m.room.known, drifts.shape[0] // (1 + amplitudes.shape[1])
+    known, n_groups = m.workspace.known, drifts.shape[0] // (1 + amplitudes.shape[1])
     for c in range(known.shape[0]):
         known[c] += drifts[groups[c], i] * speed[c]
         if amplitudes.shape[1] > 0:
@@ -116,7 +116,7 @@ def add_powers(m, n, t):
     """Add known terms ``amplitude t**power``, unless t = 0, and corrections of the first steps."""
     # amplitudes (W, r), powers (r, W), corrections (W, k), lead, known (W,)
     amplitudes, powers, corrections = m.state.drift, m.table.powers, m.state.corrections
-    lead, known = m.room.lead, m.room.known
+    lead, known = m.workspace.lead, m.workspace.known
     for c in range(known.shape[0]):
         total = 0.0
         for k in range(powers.shape[0] if t > 0.0 else 0):
@@ -128,14 +128,14 @@ def add_powers(m, n, t):
 
 
 @inner
-def see(m, theta):
+def set_argument_map(m, theta):
     """Set `base` and `gain`: f is taken at ``base + gain w``, w being that of a column's source.
 
     A column of memory that f reads has another column as source; other columns are their own.
     """
-    sources, x, room = m.table.sources, m.state.x, m.room
-    shift, scale, known, lead = room.shift, room.scale, room.known, room.lead
-    base, gain = room.base, room.gain
+    sources, x, workspace = m.table.sources, m.state.x, m.workspace
+    shift, scale, known, lead = workspace.shift, workspace.scale, workspace.known, workspace.lead
+    base, gain = workspace.base, workspace.gain
     for c in range(base.shape[0]):
         if sources[c] == c:
             base[c], gain[c] = x[c] + theta * shift[c], theta
@@ -144,9 +144,9 @@ def see(m, theta):
 
 
 @inner
-def look(m, n):
+def set_argument(m, n):
     """Set `point`, where f is taken, to ``base + gain w`` in the first n columns."""
-    base, gain, w, point = m.room.base, m.room.gain, m.room.w, m.room.point
+    base, gain, w, point = m.workspace.base, m.workspace.gain, m.workspace.w, m.workspace.point
     sources = m.table.sources
     for c in range(n):
         point[c] = base[c] + gain[c] * w[sources[c]]
@@ -155,7 +155,8 @@ def look(m, n):
 @inner
 def change(m, n, p):
     """Set the increment w of an explicit step, and its change from the increment before."""
-    known, shift, lead, f, w = m.room.known, m.room.shift, m.room.lead, m.room.f, m.room.w
+    known, shift = m.workspace.known, m.workspace.shift
+    lead, f, w = m.workspace.lead, m.workspace.f, m.workspace.w
     given, u, d, pieces = m.table.given, m.state.increment, m.state.change, m.state.pieces
     for c in range(w.shape[0]):
         # before step 0 the increment of an order above 1 is h x'(0), which gives the scheme's x_1
@@ -170,11 +171,12 @@ def close(m, n, p, ratio, explicit):
 
     Only lags of the same block get the piece; p is the number of the step in its block.
     """
-    table, state, room = m.table, m.state, m.room
+    table, state, workspace = m.table, m.state, m.workspace
     groups, sources, weights, given = table.groups, table.sources, table.weights, table.given
-    shift, known, lead, w, f = room.shift, room.known, room.lead, room.w, room.f
+    shift, known = workspace.shift, workspace.known
+    lead, w, f = workspace.lead, workspace.w, workspace.f
     x, u, d, lag, pieces = state.x, state.increment, state.change, state.lag, state.pieces
-    base, gain, integral = room.base, room.gain, table.integral
+    base, gain, integral = workspace.base, workspace.gain, table.integral
     bend = 2.0 * ratio / (1.0 + ratio)
     for c in range(w.shape[0]):
         own = sources[c] == c
@@ -204,6 +206,6 @@ def first_value(m, explicit):
 
     In implicit schemes this is the increment of the first step, in explicit ones a given value.
     """
-    starts, w, out = m.state.starts, m.room.w, m.room.known
+    starts, w, out = m.state.starts, m.workspace.w, m.workspace.known
     for c in range(out.shape[0]):
         out[c] = starts[c, 0] if explicit else w[c]

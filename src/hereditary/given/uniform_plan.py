@@ -66,9 +66,9 @@ def uniform_plan(
     lead, near, scale = np.ones((3, len(distinct), 2))
     lists: list = []
     start_lists: list = [[] for _ in starts]
-    for i, (key, read) in enumerate(distinct):
-        values = integral and not read
-        own = partial(weighed_increments, h=h, theta=theta) if integral and read else weighed
+    for i, (key, is_memory) in enumerate(distinct):
+        values = integral and not is_memory
+        own = partial(weighed_increments, h=h, theta=theta) if integral and is_memory else weighed
         terms = [own(c, operator) for c, operator in key]
         sums: Any = sum(f * rule.exact(p, 2) for f, rule, p in terms)
         now, then = sums
@@ -86,7 +86,7 @@ def uniform_plan(
             scale[i, 0] = sum(f * p.seen(theta, 1)[0] for f, _, p in terms) / total
     amplitudes, powers = drift_of_speed(system, whole)
     if integral:
-        amplitudes[:, ~system.read] = 0.0
+        amplitudes[:, ~system.is_memory] = 0.0
     if drift is not None:
         amplitudes, powers = np.vstack([amplitudes, drift[0]]), np.vstack([powers, drift[1]])
     start_groups = tuple(terms for found in start_lists for terms in found)

@@ -199,7 +199,7 @@ class Provenance:
             warn(f"{unknown}, which {n} steps of {self.scheme!r} pass over", SolveWarning)
         elif accuracy.t.size == 0:
             unknown = unknown or "every row is at a jump of y"
-        elif not found.stepper.health.missed:
+        elif not found.stepper.diagnostics.missed:
             _warn(accuracy, f"{n} steps of {self.scheme!r}", unknown)
         if unknown:
             return _with_no_estimate(solution, unknown)
@@ -236,7 +236,7 @@ class Provenance:
     def _lacking(self, found: Outcome, most: int) -> str:
         """Return why an accurate run does not tell the error; empty if it does."""
         other, stepper = found.solution, found.stepper
-        if stepper.health.missed:
+        if stepper.diagnostics.missed:
             return f"{_ACCURATE} misses a force that acts for a short time"
         if other.success:
             return ""

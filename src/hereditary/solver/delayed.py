@@ -77,14 +77,14 @@ class Remembered(NamedTuple):
     - roots: pairs of the time of a kink of f and its exponent, from which later kinks follow.
     - until: time up to which the tables have delayed values.
     - tables: for each delay the times and polynomials of its table.
-    - lifts: for each delay the displacement of y before the start, (d,).
+    - displacements: for each delay the displacement of y before the start, (d,).
     """
 
     solved: tuple[Solved, ...]
     roots: tuple[tuple[float, float], ...]
     until: float
     tables: tuple[tuple[np.ndarray, np.ndarray], ...]
-    lifts: tuple[np.ndarray, ...]
+    displacements: tuple[np.ndarray, ...]
 
 
 class DelayedStepper(ResumableStepper, JumpingStepper):
@@ -105,7 +105,7 @@ class DelayedStepper(ResumableStepper, JumpingStepper):
         self, inner: Any, delays: tuple[Delayed, ...], t_end: float, rtol: float | None = None
     ) -> None:
         self._inner, self._delays, self._t_end = inner, delays, t_end
-        self.system, self.counted = inner.system, inner.counted
+        self.system, self.on_given_steps = inner.system, inner.on_given_steps
         self._tables: Delays = inner.system.functions.delays
         self._origin = self.system.frame.start
         self._breaks = self._kinks = self._marks = np.zeros(0)
@@ -183,7 +183,9 @@ class DelayedStepper(ResumableStepper, JumpingStepper):
     def _first_roots(self) -> list[tuple[float, float]]:
         """Return kinks of f by the start, by pasts and by delays that vary, and their exponents."""
         d, found = self.system.n_solved, self._bends_ahead()
-        for delay, past in () if self.counted else zip(self._delays, self._pasts, strict=True):
+        for delay, past in (
+            () if self.on_given_steps else zip(self._delays, self._pasts, strict=True)
+        ):
             at = np.zeros(1)
             end = past(at, at)[0] if past else delay.before(at - np.spacing(1.0))[0]
             met = np.allclose(end, self.system.at_start[:d], rtol=1e-12, atol=0.0)
@@ -205,7 +207,7 @@ class DelayedStepper(ResumableStepper, JumpingStepper):
         if before.any():
             at = times[before]
             found[before] = past(at, inside[before]) if past else delay.before(at)
-            found[before] += delay.lift
+            found[before] += delay.displacement
         starts = np.array([each.start for each in self._solved])
         where = np.maximum(np.searchsorted(starts, inside, side="right") - 1, 0)
         for k in np.unique(where[~before]):
@@ -214,7 +216,7 @@ class DelayedStepper(ResumableStepper, JumpingStepper):
                 found[chosen] = self.system.y0[0, :d]
             else:
                 piece = self._solved[k].piece
-                found[chosen] = piece.evaluate(times[chosen], self.system.second, 0)
+                found[chosen] = piece.evaluate(times[chosen], self.system.above_one, 0)
         return found
 
     def _prepare(self) -> None:
@@ -238,7 +240,7 @@ class DelayedStepper(ResumableStepper, JumpingStepper):
         """Return the last position that the tables cover; fill them if the march has got there."""
         position = self._last_position()
         here = self._inner.position
-        if position <= here or (not self.counted and together(position, here, self._origin)):
+        if position <= here or (not self.on_given_steps and together(position, here, self._origin)):
             self._forget()
             self._prepare()
             position = self._last_position()
@@ -250,7 +252,7 @@ class DelayedStepper(ResumableStepper, JumpingStepper):
     def _last_position(self) -> Any:
         """Return the last position whose time the tables cover."""
         t = min(self._until, self._t_end)
-        if not self.counted:
+        if not self.on_given_steps:
             return self._mark(t)
         found = self._inner.stop_at(t)
         return found.position - int(found.t > t * (1 + _ALIKE))
@@ -272,7 +274,7 @@ class DelayedStepper(ResumableStepper, JumpingStepper):
             times = inside + delay.past.delay.tau
         else:
             times = np.array([_when(delay, edge, start, end) for edge in inside.tolist()])
-        if self.counted:
+        if self.on_given_steps:
             return np.unique([start, *times, end])
         times = np.append(times, [kink for kink, _ in bends])
         apart = ONE_TIME * max(end, abs(self._origin))
@@ -293,7 +295,7 @@ class DelayedStepper(ResumableStepper, JumpingStepper):
         low, high, ends = times[:-1], times[1:], np.concatenate([[-np.inf], known, [np.inf]])
         inside = delay.ago(0.5 * (low + high))  # a time in the polynomial that is read
         found: list[tuple[np.ndarray, np.ndarray]] = []
-        sizes, rest = np.ones(1), None if self.counted else self._inner.y
+        sizes, rest = np.ones(1), None if self.on_given_steps else self._inner.y
         last = np.full(low.size, np.inf)  # the difference before an interval was halved
         while True:
             middle, half = 0.5 * (low + high)[:, None], 0.5 * (high - low)[:, None]
@@ -332,7 +334,7 @@ class DelayedStepper(ResumableStepper, JumpingStepper):
 
         Given steps see no kinks.
         """
-        if self.counted:
+        if self.on_given_steps:
             return np.zeros(0)
         gain, smooth, t_end = self._gain, self._smooth, self._t_end
         return np.array(_kinks(self._delays, roots, gain, smooth, t_end, self._origin))
@@ -342,7 +344,7 @@ class DelayedStepper(ResumableStepper, JumpingStepper):
 
         Given steps see the user's breaks alone.
         """
-        if self.counted:
+        if self.on_given_steps:
             self._inner.set_breaks(self._breaks, self._t_end)
             return
         times = np.concatenate([first, self._breaks, self._kinks])
@@ -362,7 +364,7 @@ class DelayedStepper(ResumableStepper, JumpingStepper):
     def advance(self, stop: float, keep: bool = True) -> Piece | None:
         """March towards position `stop`, at most to the last known delayed value."""
         start = self._inner.t
-        if not self.counted and self._mark(stop) != stop:
+        if not self.on_given_steps and self._mark(stop) != stop:
             self._set_marks(np.array([stop, self._t_end]))
         try:
             last = self._reach()
@@ -388,27 +390,27 @@ class DelayedStepper(ResumableStepper, JumpingStepper):
     t = property(lambda self: self._inner.t)
     y = property(lambda self: self._inner.y)
     ydot = property(lambda self: self._inner.ydot)
-    health = property(lambda self: self._inner.health)
+    diagnostics = property(lambda self: self._inner.diagnostics)
     uncertainty = property(lambda self: self._inner.uncertainty)
     sizes = property(lambda self: self._inner.sizes)
 
     @property
-    def trouble(self) -> Ending | None:
+    def failure(self) -> Ending | None:
         """Why the march cannot go on, else None."""
-        return self._inner.trouble if self._error is None else failed(self._error)
+        return self._inner.failure if self._error is None else failed(self._error)
 
     def stats(self) -> dict[str, Any]:
         """Return the counts of the inner stepper."""
         return self._inner.stats()
 
-    def parts(self) -> list[np.ndarray]:
+    def linear_arrays(self) -> list[np.ndarray]:
         """Return every array that is linear in the solution, with rows that delays read.
 
         This is for given steps. The caller may overwrite these arrays, and the next step fills the
         tables anew. From then on delays read parabolas also inside the first two steps of a run.
         """
         self._until = self._inner.t
-        parts = [*self._inner.parts(), *(delay.lift for delay in self._delays)]
+        parts = [*self._inner.linear_arrays(), *(delay.displacement for delay in self._delays)]
         if not self._solved:
             return parts
         pieces: list[Any] = [each.piece for each in self._solved]
@@ -428,8 +430,10 @@ class DelayedStepper(ResumableStepper, JumpingStepper):
     def _remembered(self) -> Remembered:
         """Return copies of the tables and of the dense output that delays read."""
         tables = tuple(map(self._tables.content, range(len(self._delays))))
-        lifts = tuple(delay.lift.copy() for delay in self._delays)
-        return Remembered(tuple(self._solved), tuple(self._roots), self._until, tables, lifts)
+        displacements = tuple(delay.displacement.copy() for delay in self._delays)
+        return Remembered(
+            tuple(self._solved), tuple(self._roots), self._until, tables, displacements
+        )
 
     def remember(self, remembered: Remembered) -> None:
         """Restore tables and dense output; the inner stepper has already been restored."""
@@ -437,7 +441,7 @@ class DelayedStepper(ResumableStepper, JumpingStepper):
         self._until = remembered.until
         for number, table in enumerate(remembered.tables):
             self._tables.fill(number, *table)
-            self._delays[number].lift[:] = remembered.lifts[number]
+            self._delays[number].displacement[:] = remembered.displacements[number]
 
     def come_back(self, checkpoint: tuple) -> None:
         """Return to the time at which `checkpoint` was taken."""
@@ -476,7 +480,7 @@ class DelayedStepper(ResumableStepper, JumpingStepper):
 
     def _jumped(self) -> None:
         """Record that the solution has a jump at the present time."""
-        if self.counted:
+        if self.on_given_steps:
             return
         t = self._inner.t
         roots = [(_when(delay, t, t, self._t_end), 0.0) for delay in self._delays]
@@ -511,7 +515,7 @@ def _gain(system: System, delays: tuple[Delayed, ...]) -> float:
             if each is delay:
                 constant[0, moved : moved + 1, 0] += 0.1 * (1.0 + np.abs(y[moved : moved + 1]))
             tables.fill(each.number, np.array([0.0, 1.0]), constant)
-        return asked.force(0.5, y)[rows]
+        return asked.rhs(0.5, y)[rows]
 
     try:
         for share in _ASKED:

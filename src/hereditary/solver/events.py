@@ -62,8 +62,8 @@ class Events:
         signs: dict[str, float],
         n_events: int | None = None,
     ) -> None:
-        self._functions, self._counted = list(functions), stepper.counted
-        self._looks = 1 if stepper.counted else _EVENT_CHECKS_PER_STEP
+        self._functions, self._on_given_steps = list(functions), stepper.on_given_steps
+        self._looks = 1 if stepper.on_given_steps else _EVENT_CHECKS_PER_STEP
         self.n_events = len(self._functions) if n_events is None else n_events
         self._limits = [_limit(function) for function in self._functions]
         self.times: list[list[float]] = [[] for _ in self._functions]

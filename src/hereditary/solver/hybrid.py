@@ -100,7 +100,7 @@ class Hybrid:
             if change is not None and not callable(change):
                 required = "have a function change(t, y), or none"
                 refuse("events", required, repr(change), kind=TypeError)
-        self._stated = _stated(changes, system.frame.start)
+        self._timed_changes = _timed_changes(changes, system.frame.start)
         self._switches = switches
         self._times: list[list[float]] = [[] for _ in events]
         self.system = system
@@ -118,10 +118,10 @@ class Hybrid:
         self._longest = [0.0 for _ in self._functions]
         origin = stepper.system.frame.start
         known = np.append(t_end, breaks)  # which come second where they are one time
-        stated = [(nearest(t, known, origin), change) for t, change in self._stated]
+        next_change = [(nearest(t, known, origin), change) for t, change in self._timed_changes]
         self._due = [
             (t, change)
-            for t, change in stated
+            for t, change in next_change
             if self._start < t <= t_end and not together(t, self._start, origin)
         ]
         of_y = bool(self._due) or any(change is not None for change in self._changes)
@@ -143,12 +143,12 @@ class Hybrid:
         stepper, events = self._stepper, self._events
         while True:
             due = self._due[0][0] if self._due else math.inf
-            events.stated = stepper.stop_at(due).t if self._due else math.inf
+            events.next_change = stepper.stop_at(due).t if self._due else math.inf
             target = min(stop, stepper.stop_at(due).position) if self._due else stop
             ended = drive.to(target)
             if ended and ended.status is not Status.EVENT:
                 return ended
-            ended = stepper.trouble or self._act(output)
+            ended = stepper.failure or self._act(output)
             if ended:
                 return ended
             if events.over:
@@ -168,17 +168,17 @@ class Hybrid:
             return Ending(Status.SLIDING)
         moved = False
         while self._due and stepper.stop_at(self._due[0][0]).t <= t:
-            moved, trouble = True, self._change(self._due.pop(0)[1])
-            if trouble:
-                return trouble
+            moved, failure = True, self._change(self._due.pop(0)[1])
+            if failure:
+                return failure
         for number in fired:
             if number < len(self._functions):
                 if stuck == number or self._piles_up(number):
                     events.take_back(number)
                     return Ending(Status.PILED_UP, self._name(number))
-                trouble = self._change(self._changes[number])
-                if trouble:
-                    return trouble
+                failure = self._change(self._changes[number])
+                if failure:
+                    return failure
         if moved or fired:
             output.go_on(np.any(stepper.y != before))
             events.go_on(before, stepper)
@@ -232,7 +232,7 @@ class Hybrid:
         return None
 
 
-def _stated(changes: Mapping[float, Callable], start: float) -> list[tuple[float, Callable]]:
+def _timed_changes(changes: Mapping[float, Callable], start: float) -> list[tuple[float, Callable]]:
     """Return the times of stated changes, counted from `start`, and their functions, in order."""
     required = "map times to functions change(t, y)"
     found = []
@@ -276,7 +276,7 @@ class HybridEvents(Events):
         Sign of each switch with which the march continues.
     stuck : int or None
         The switch whose zero was followed by another one at once.
-    stated : float
+    next_change : float
         Next stated time, at which the march is interrupted in any case.
     step : float
         Length of the given step that ends there [time]; 0 where steps are chosen on the way.
@@ -295,10 +295,10 @@ class HybridEvents(Events):
     ) -> None:
         self._acting, self._start = acting, stepper.t
         self._known, self._origin = known, stepper.system.frame.start
-        self._stop_at, self.stated = stepper.stop_at, math.inf
+        self._stop_at, self.next_change = stepper.stop_at, math.inf
         self.stuck: int | None = None
         self.step = 0.0
-        self._at_once = 1.0 if stepper.counted else _RETURN
+        self._at_once = 1.0 if stepper.on_given_steps else _RETURN
         self.fired: dict[int, float] = {}
         self._last: dict[int, float] = {}
         super().__init__(functions, stepper, signs, n_events)
@@ -306,59 +306,59 @@ class HybridEvents(Events):
     def go_on(self, before: np.ndarray, stepper: JumpingStepper) -> None:
         """Continue from the present time, at which the components (d,) were `before` the change."""
         t, y = stepper.t, stepper.y
-        values, known, ways = [], [], {}
+        values, known, crossings = [], [], {}
         for number, function in enumerate(self._functions):
             then, now = self._seen(function, [t, t], [before, y]).tolist()
             values.append(now)
             known.append(self._after[number] if now == then else 0.0)
             if number < self.n_events:
-                ways[number] = self._way(number, then, now, before, stepper)
-        self._begin(t, values, known, ways)
+                crossings[number] = self._crossing(number, then, now, before, stepper)
+        self._begin(t, values, known, crossings)
 
-    def _way(
+    def _crossing(
         self, number: int, then: float, now: float, before: np.ndarray, stepper: JumpingStepper
-    ) -> Way | None:
-        """Return the `Way` of an event that was `then` before a change; None if that is not 0.
+    ) -> Crossing | None:
+        """Return the `Crossing` of an event that was `then` before a change; None if that is not 0.
 
         The event may also be one without changes, which found the zero at which another event
         acted.
         """
-        acted, counted = number in self.fired, self._counted
+        acted, on_given_steps = number in self.fired, self._on_given_steps
         sign = self.fired[number] if acted else self._after[number]
-        if not sign or (counted and not acted):
+        if not sign or (on_given_steps and not acted):
             return None
         value = partial(value_of, self._functions[number])
         error = uncertainty(value, stepper)
-        if not counted:  # these stand at the zero itself
+        if not on_given_steps:  # these stand at the zero itself
             error = max(error, abs(then))
-        if not abs(now) <= error and not (counted and now == then):
+        if not abs(now) <= error and not (on_given_steps and now == then):
             return None
         ahead = sign_ahead(value, sign, before, stepper, acted)
-        return Way(sign, ahead, now, error, counted) if ahead or acted else None
+        return Crossing(sign, ahead, now, error, on_given_steps) if ahead or acted else None
 
     def _begin(
         self,
         t: float,
         values: list[float],
         after: list[float],
-        ways: dict[int, Way | None] | None = None,
+        crossings: dict[int, Crossing | None] | None = None,
     ) -> None:
-        """Start at time t, as `Events` do; `ways` are those of events that have just changed y."""
+        """Start at time t, as `Events` do; `crossings` are of events that have just changed y."""
         # the last value seen is kept: so a zero between two calls is found exactly once
         earlier = self._last if t == self._start else {}
-        self._last, self.fired, self._ways = earlier | self.fired, {}, ways or {}
+        self._last, self.fired, self._crossings = earlier | self.fired, {}, crossings or {}
         # switches on whose surface the run begins, and which may still turn out to be left to the
         # other side
         self._open: set[int] = set()
         signs = list(after)
         for number, (value, sign) in enumerate(zip(values, after, strict=True)):
-            way = self._ways.get(number)
-            if way and way.sign:
-                signs[number] = way.sign
+            crossing = self._crossings.get(number)
+            if crossing and crossing.sign:
+                signs[number] = crossing.sign
             elif number >= self.n_events and value == 0 and not sign:
                 self._open.add(number)
                 signs[number] = 1.0
-            elif value == 0 and not sign and self._counted and number in self._last:
+            elif value == 0 and not sign and self._on_given_steps and number in self._last:
                 signs[number] = -self._last[number]  # a change took it back; steps show no more
         super()._begin(t, values, signs)
         self.sides = self._after[self.n_events :]
@@ -368,27 +368,27 @@ class HybridEvents(Events):
 
         Errors may have put the start on the other side of a zero.
         """
-        for number in range(self.n_events, len(self._functions) if not self._counted else 0):
+        for number in range(self.n_events, len(self._functions) if not self._on_given_steps else 0):
             value, y = partial(value_of, self._functions[number]), stepper.y
             side = self.sides[number - self.n_events]
             if number in self._last and sign_ahead(value, side, y, stepper, False) == side:
                 error = uncertainty(value, stepper)
-                self._ways[number] = Way(side, side, 0.0, error, False)
+                self._crossings[number] = Crossing(side, side, 0.0, error, False)
 
     def look(self, edges: np.ndarray, at: Callable) -> float | None:
         """Locate zeros between `edges` as `Events` do, and also end where a function acts."""
         end = super().look(edges, at)
         reached = edges[-1] if end is None else end
-        if self._counted:
+        if self._on_given_steps:
             last = max(int(np.searchsorted(edges, reached)), 1)
             self.step = float(edges[last] - edges[last - 1])
-        self.interrupted = bool(self.fired) or bool(together(reached, self.stated))
+        self.interrupted = bool(self.fired) or bool(together(reached, self.next_change))
         return end
 
     def _looked_at(self, times: np.ndarray, edges: np.ndarray) -> np.ndarray:
         """Return the times, between these edges, at which functions are evaluated."""
         self._returns: list[tuple[float, int, float]] = []
-        if edges[0] == self._start and self._last and not self._counted:
+        if edges[0] == self._start and self._last and not self._on_given_steps:
             # just after a change two zeros may be arbitrarily close to each other
             times = np.union1d(times, edges[0] + (edges[1] - edges[0]) * _NEXT)
             near = (times > edges[0]) & (times < edges[0] * (1 + _ROUNDED_TIME))
@@ -399,28 +399,35 @@ class HybridEvents(Events):
         self, number: int, times: np.ndarray, values: np.ndarray, at: Callable, edges: np.ndarray
     ) -> Iterator[tuple[float, float]]:
         """Yield the zeros of a function up to the first one at which it acts."""
-        way, returned = self._ways.get(number), None
-        if way and not self._counted and edges[0] == self._start and way.settle(values):
+        crossing, returned = self._crossings.get(number), None
+        if (
+            crossing
+            and not self._on_given_steps
+            and edges[0] == self._start
+            and crossing.settle(values)
+        ):
             returned = self._start
-        elif way and way.returning:
-            away = way.follow(values)
+        elif crossing and crossing.returning:
+            away = crossing.follow(values)
             returned = None if away is None else float(times[away])
         self._values[number] = values[-1]
-        if way and returned is not None:
+        if crossing and returned is not None:
             self.stuck = number
-            self._returns.append((returned, number, way.before))
+            self._returns.append((returned, number, crossing.before))
             return
         for t, sign in self._zeros(self._functions[number], times, values, at):
             if self._acting[number]:
                 t = nearest(t, self._known, self._origin)
-                if not self._counted and edges[0] > self._start:
+                if not self._on_given_steps and edges[0] > self._start:
                     t = nearest(t, edges[:1], self._origin)  # no step reaches a time so close
             if self._comes_back(number, t, sign, edges):
                 self.stuck = number
                 self._returns.append((self._start, number, sign))
                 return
             if self._is_start(t) or (number in self._open and t <= self._soon(edges)):
-                if number in self._last and (not self._counted or sign != self._last[number]):
+                if number in self._last and (
+                    not self._on_given_steps or sign != self._last[number]
+                ):
                     continue  # where a run goes on from its own event
                 # a given step that ends beyond the zero once more changes at its end
                 t = float(edges[1]) if number in self._last else self._start
@@ -447,7 +454,7 @@ class HybridEvents(Events):
         """Return whether the zero at t is the one from which the run has just continued."""
         if number >= self.n_events:
             return number in self._last and t <= self._soon(edges)
-        return not self._counted and self._last.get(number) == sign and self._is_start(t)
+        return not self._on_given_steps and self._last.get(number) == sign and self._is_start(t)
 
     def _end(self, end: float, found: list[tuple[float, int, float]], edges: np.ndarray) -> float:
         """Return the time at which the march ends, by a terminal event or a function that acts."""
@@ -481,7 +488,7 @@ class HybridEvents(Events):
         self._after[number] = -self.fired[number]
 
 
-class Way:
+class Crossing:
     """Whether an event that has just changed y at its zero passes through the zero or turns back.
 
     A bounce turns back. A counter, or a force that is switched, lets the solution pass. Next to the
@@ -495,7 +502,7 @@ class Way:
         Sign with which it continues; 0 if unknown.
     value, error : float
         Value of the event at the change, and the error of this value.
-    counted : bool
+    on_given_steps : bool
         Whether steps are given, so that the change is at one of them, after the zero.
 
     Attributes
@@ -505,10 +512,10 @@ class Way:
     """
 
     def __init__(
-        self, before: float, sign: float, value: float, error: float, counted: bool
+        self, before: float, sign: float, value: float, error: float, on_given_steps: bool
     ) -> None:
         self.before, self.sign, self._error = before, sign, error
-        self.returning = counted and sign == -before == -np.sign(value)
+        self.returning = on_given_steps and sign == -before == -np.sign(value)
         self._far, self._steps = abs(value), 0
 
     def settle(self, values: np.ndarray) -> bool:
@@ -569,7 +576,7 @@ def sign_ahead(
     says whether the event had passed through its zero.
     """
     t, system, slopes = stepper.t, stepper.system, []
-    if system.read.any():
+    if system.is_memory.any():
         return 0.0
     ahead = t + _AHEAD * t
     try:

@@ -60,24 +60,24 @@ class Output:
     """
 
     def __init__(self, stepper: Stepper, stop: float, kept: Kept, events: Events) -> None:
-        self._stepper, self._stop, self._counted = stepper, stop, stepper.counted
+        self._stepper, self._stop, self._on_given_steps = stepper, stop, stepper.on_given_steps
         self._every, times, self.components = kept
         self._frame, self._asked, self.events = stepper.system.frame, times, events
         self._wanted = np.empty(0) if times is None else times - self._frame.start
         # number of steps: of all runs with given steps, of this run with adaptive ones
-        self._n = self._first = int(stepper.position) if self._counted else 0
+        self._n = self._first = int(stepper.position) if self._on_given_steps else 0
         self._starting: FirstSteps | None = None
-        self._second = stepper.system.second
+        self._above_one = stepper.system.above_one
         # whether rows have y': always with given steps, whose dense output needs it
         speeds = bool(self._frame.speeds)
-        self._sloped = self._counted or stepper.system.m == 2 or speeds
+        self._sloped = self._on_given_steps or stepper.system.m == 2 or speeds
         self.end, self.ended = stepper.t, False
         self.jumps: list[float] = []
-        self._dense = Dense(self._second, self._frame)
+        self._dense = Dense(self._above_one, self._frame)
         self._newest: Piece | None = None
         y, ydot, n, every = stepper.y, stepper.ydot, self._first, self._every
         most = _SOME if times is None else self._wanted.size
-        if times is None and self._counted:
+        if times is None and self._on_given_steps:
             most = int(stop) // every - n // every + (stop % every > 0) + 2
         width = y.size if self.components is None else self.components.size
         self._rows: Any = room_for(most, width, times is None)
@@ -106,17 +106,19 @@ class Output:
         edges = np.concatenate((piece.edges(), (self._stepper.t,)))
         end = None
         if self.events.any:
-            end = self.events.look(edges, lambda t: piece.evaluate(t, self._second, 0))
+            end = self.events.look(edges, lambda t: piece.evaluate(t, self._above_one, 0))
         self.end, self.ended = edges[-1] if end is None else end, end is not None
         self._newest = piece
         self._starting = piece.starting or self._starting
         if self._asked is not None:
             self._take_wanted(piece)
             return
-        if not self._counted and self.components is None:
+        if not self._on_given_steps and self.components is None:
             self._dense.add(piece, start)
         chosen = self._chosen(edges)
-        self._add(edges[1:][chosen], *piece.at_ends(edges[1:], chosen, self._second, self._sloped))
+        self._add(
+            edges[1:][chosen], *piece.at_ends(edges[1:], chosen, self._above_one, self._sloped)
+        )
         if self.events.interrupted and self._rows[0][self._size - 1] < self.end:
             self._add_last()
 
@@ -144,7 +146,7 @@ class Output:
         first = self._n + 1
         reached = edges[1:] <= self.end
         self._n += int(np.count_nonzero(reached)) if self.ended else reached.size
-        if self._counted and not self.ended:
+        if self._on_given_steps and not self.ended:
             return slice(-first % self._every, None, self._every)
         # next to a singular start steps may be so short that both ends have the same rounded time
         chosen = reached & (edges[1:] > edges[:-1])
@@ -163,7 +165,7 @@ class Output:
         ahead = int(np.searchsorted(self._wanted, last, side="right"))
         times, self._wanted = self._wanted[:ahead], self._wanted[ahead:]
         if times.size:
-            self._add(times, *piece.evaluate_both(times, self._second, self._sloped))
+            self._add(times, *piece.evaluate_both(times, self._above_one, self._sloped))
 
     def close(self, t_end: float) -> tuple[np.ndarray, np.ndarray, np.ndarray, Dense | None]:
         """Return times (n,), y (n, d), y' (n, d), and the dense output or None.
@@ -181,7 +183,7 @@ class Output:
         if at_end:
             t[-1] = t_end - start  # n h may miss it by rounding
         dense = self._dense if self.components is None else None
-        if dense and self._counted:
+        if dense and self._on_given_steps:
             dense = dense if self._every == 1 and t.size > 1 else None
             if dense:
                 dense.add(StepPieces(t, y, ydot, self._starting, int(self._first)), t[0])
@@ -193,8 +195,8 @@ class Output:
     def _add_last(self) -> None:
         """Add the row at the end of the run."""
         last, piece = np.array([self.end]), self._newest
-        if piece is not None and (self.ended or not self._counted):
-            self._add(last, *piece.evaluate_both(last, self._second, self._sloped))
+        if piece is not None and (self.ended or not self._on_given_steps):
+            self._add(last, *piece.evaluate_both(last, self._above_one, self._sloped))
         else:
             self._add(last, self._stepper.y[None], self._stepper.ydot[None])
 

@@ -85,13 +85,13 @@ class Interruption:
     """Context that counts Ctrl-C in `asked` instead of raising KeyboardInterrupt.
 
     A run looks at `asked` between batches of steps. When it stops, it sets `heeded`. After
-    `counted` times, one by default, the next Ctrl-C raises KeyboardInterrupt at once. At the end of
-    the context a Ctrl-C raises it too if `heeded` is still False: it came too late. Outside of the
-    main thread, which gets all signals, the context does nothing.
+    `max_asked` times, one by default, the next Ctrl-C raises KeyboardInterrupt at once. At the end
+    of the context a Ctrl-C raises it too if `heeded` is still False: it came too late. Outside of
+    the main thread, which gets all signals, the context does nothing.
     """
 
-    def __init__(self, counted: int = 1) -> None:
-        self.asked, self.heeded, self._counted = 0, False, counted
+    def __init__(self, max_asked: int = 1) -> None:
+        self.asked, self.heeded, self._max_asked = 0, False, max_asked
         self._previous: Any = None
 
     def __enter__(self) -> Interruption:
@@ -111,5 +111,5 @@ class Interruption:
 
     def _ask(self, number: int, frame: object) -> None:
         self.asked += 1
-        if self.asked > self._counted:
+        if self.asked > self._max_asked:
             raise KeyboardInterrupt

@@ -54,7 +54,7 @@ class Drive:
         """March to position `stop`; return None there, or an `Ending` if the run ends earlier."""
         march = self._march
         while march.position < stop:
-            ended = self._advance(stop) or march.trouble
+            ended = self._advance(stop) or march.failure
             if ended:
                 return ended
             self._bar.update((march.position - self._first) / (self._end - self._first))
@@ -94,7 +94,7 @@ def run(
         go_back(stepper, before, output.end)
         if events.failure:
             return Ending(Status.EVENT_FAILED, events.failure)
-        return stepper.trouble or Ending(Status.EVENT)
+        return stepper.failure or Ending(Status.EVENT)
 
     bar = ProgressBar(progress)
     try:
@@ -103,7 +103,7 @@ def run(
     finally:
         bar.close()
     ended = ended or Ending(reached_end(stepper))
-    if stepper.health.misfit and ended.status is Status.EVENT:
+    if stepper.diagnostics.misfit and ended.status is Status.EVENT:
         ended = Ending(Status.KERNEL_INACCURATE)
     signs = events.signs()
     t, y, ydot, dense = output.close(t_end)
@@ -140,7 +140,7 @@ def go_back(stepper: Stepper, checkpoint: tuple, t: float) -> None:
     """Restore a stepper from `checkpoint`, and march it to the first stop not before time t."""
     stepper.come_back(checkpoint)
     stop = stepper.stop_at(t).position
-    while stepper.position < stop and stepper.trouble is None:
+    while stepper.position < stop and stepper.failure is None:
         stepper.advance(stop, keep=False)
 
 
@@ -149,7 +149,7 @@ def note_missed(solution: Solution, stepper: Stepper) -> None:
 
     Such a force shows as a difference of f and its interpolant between the nodes of a step.
     """
-    missed = stepper.health.missed
+    missed = stepper.diagnostics.missed
     if solution.success and missed:
         t = missed + stepper.system.frame.start
         warn(
@@ -162,9 +162,9 @@ def note_missed(solution: Solution, stepper: Stepper) -> None:
 
 def reached_end(stepper: Stepper) -> Status:
     """Return the status of a run that reached its end."""
-    health = stepper.health
-    inaccurate = Status.KERNEL_INACCURATE if health.misfit else None
-    return health.instability or inaccurate or Status.COMPLETED
+    diagnostics = stepper.diagnostics
+    inaccurate = Status.KERNEL_INACCURATE if diagnostics.misfit else None
+    return diagnostics.instability or inaccurate or Status.COMPLETED
 
 
 def report(stepper: Stepper, ended: Ending) -> str:
@@ -172,18 +172,18 @@ def report(stepper: Stepper, ended: Ending) -> str:
 
     There is no warning if a function called in Python raised: its exception is raised again later.
     """
-    inaccurate, health = Status.KERNEL_INACCURATE, stepper.health
+    inaccurate, diagnostics = Status.KERNEL_INACCURATE, stepper.diagnostics
     status, detail, error = ended
-    detail = health.misfit if status is inaccurate else detail
+    detail = diagnostics.misfit if status is inaccurate else detail
     message = status.sentence + (f": {detail}" if detail else "")
-    if health.misfit and status is not inaccurate:
-        message += f"; {inaccurate.sentence}: {health.misfit}"
+    if diagnostics.misfit and status is not inaccurate:
+        message += f"; {inaccurate.sentence}: {diagnostics.misfit}"
     if status is not Status.COMPLETED:
         t = stepper.t + stepper.system.frame.start
         message += f" (t = {t:g} after {stepper.stats()['n_steps']} steps)"
-    unstable = health.instability is not None
+    unstable = diagnostics.instability is not None
     if unstable:
-        message += f"; {health.remedy}"
+        message += f"; {diagnostics.remedy}"
     if not isinstance(error, PythonRaised):
         warn_of(status, message, unstable=unstable)
     return message

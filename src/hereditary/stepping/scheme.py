@@ -77,8 +77,8 @@ class Scheme(ABC):
         if system.reads:
             if not self.takes_memory:
                 required = f"need no memory that the right-hand side reads with {name}"
-                read = [op for op, own in system.left if np.any(own[system.read])]
-                got = " and ".join(map(str, read))
+                of_memory = [op for op, own in system.left if np.any(own[system.is_memory])]
+                got = " and ".join(map(str, of_memory))
                 refuse("terms", required, got, remedy)
             remedy = "use ExplicitCaputo or L1"
         if system.has_algebraic and not self.takes_algebraic:

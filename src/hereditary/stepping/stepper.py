@@ -22,7 +22,7 @@ class Stop(NamedTuple):
     t: float
 
 
-class Health(NamedTuple):
+class Diagnostics(NamedTuple):
     """Faults of a run that do not stop it.
 
     - instability: status of a run beyond a stability limit, else None.
@@ -50,8 +50,8 @@ class Stepper(ABC):
        returns the solution on these steps. `stop_at` finds the position of a time.
     4. `position`, `t`, `y` and `ydot` are the position and the time reached, and the solution and
        its derivative there.
-    5. `trouble` says why the stepper cannot make the next step.
-    6. `health` has faults that do not stop the march, and `stats` has counts.
+    5. `failure` says why the stepper cannot make the next step.
+    6. `diagnostics` has faults that do not stop the march, and `stats` has counts.
     7. `come_back` restores what `checkpoint` returned.
 
     Three subclasses have further methods: `ResumableStepper`, `TangentStepper` and
@@ -60,13 +60,13 @@ class Stepper(ABC):
     Attributes
     ----------
     system : System
-    counted : bool
+    on_given_steps : bool
         Whether a position is a number of given steps; otherwise it is a time. With given steps
         events are evaluated at ends of steps only, and dense output interpolates the rows.
     """
 
     system: System
-    counted = True
+    on_given_steps = True
 
     def set_breaks(self, times: np.ndarray, t_end: float) -> None:
         """Set times (k,) of jumps of f before t_end; steps on each side use f of that side."""
@@ -84,7 +84,7 @@ class Stepper(ABC):
     @property
     @abstractmethod
     def position(self) -> float:
-        """Number of steps made if `counted`, otherwise the time reached."""
+        """Number of steps made if `on_given_steps`, otherwise the time reached."""
 
     @property
     @abstractmethod
@@ -102,14 +102,14 @@ class Stepper(ABC):
         return np.full_like(self.y, np.nan)
 
     @property
-    def trouble(self) -> Ending | None:
+    def failure(self) -> Ending | None:
         """Why the stepper cannot make the next step; None if it can."""
         return None
 
     @property
-    def health(self) -> Health:
+    def diagnostics(self) -> Diagnostics:
         """Faults that do not stop the march; none by default."""
-        return Health()
+        return Diagnostics()
 
     def stats(self) -> dict[str, Any]:
         """Return counts and errors for `Solution.stats`; by default only the position."""
@@ -181,7 +181,7 @@ class TangentStepper(Stepper):
         mark, k = int(due(schedule)), self.tangent.shape[1]
         target = mark * float(schedule["unit"])
         piece, none = self.advance(min(stop, target)), np.empty((0, 1 + k))
-        if self.position < target or self.trouble:
+        if self.position < target or self.failure:
             return Grown(piece, none)
         r = np.linalg.qr(self.tangent, mode="r")
         r *= np.sign(np.diag(r))[:, None]

@@ -32,7 +32,7 @@ from ..past import LANES, STARTS, exchange_modes, exchange_nothing, exchange_row
 from ..plan import Convolution
 from ..power_series import inverse_gamma
 from ..row_plan import ROWS_AT_ONCE, RowSums
-from ..signatures import Held, Tables, held
+from ..signatures import HistoryArrays, Tables, held
 from ..steps import Span
 from .history import History, OpenHistory
 
@@ -335,7 +335,7 @@ class _Modes(OpenHistory):
     def __init__(
         self,
         tables: Tables,
-        arrays: Held,
+        arrays: HistoryArrays,
         blocks: tuple[np.ndarray, np.ndarray],
         n_modes: int,
         covered: int,

@@ -20,7 +20,7 @@ from ...kernels.memory_kernel import NO_ERRORS, KernelErrors
 from ..past import exchange_nothing
 from ..plan import Convolution
 from ..row_plan import RowSums
-from ..signatures import EXCHANGE_SIG, Held, Tables, held
+from ..signatures import EXCHANGE_SIG, HistoryArrays, Tables, held
 from ..steps import Span
 
 Past = Convolution | RowSums
@@ -53,7 +53,7 @@ class OpenHistory(ABC):
         self,
         exchange: Any,
         tables: Tables,
-        arrays: Held,
+        arrays: HistoryArrays,
         block_weights: np.ndarray,
         block_start_weights: np.ndarray,
     ) -> None:
@@ -91,7 +91,9 @@ class OpenHistory(ABC):
 
     def restore(self, state: tuple[np.ndarray, ...]) -> None:
         """Set the arrays to copies of those that `state` returned."""
-        self.arrays = Held(*(np.ascontiguousarray(array, dtype=float).copy() for array in state))
+        self.arrays = HistoryArrays(
+            *(np.ascontiguousarray(array, dtype=float).copy() for array in state)
+        )
 
 
 class NoMemory(OpenHistory):

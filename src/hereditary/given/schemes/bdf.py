@@ -281,11 +281,11 @@ def _start_corrections(system: System, h: float, p: int) -> np.ndarray:
     if p == 1:
         return np.zeros((0, system.d))
     values = np.empty((p, system.d))
-    speed = np.where(system.read, 0.0, system.y0[-1] if system.m == 2 else 0.0)
+    speed = np.where(system.is_memory, 0.0, system.y0[-1] if system.m == 2 else 0.0)
     for i in range(p):
-        values[i] = system.force(i * h, system.at_start + i * h * speed)
+        values[i] = system.rhs(i * h, system.at_start + i * h * speed)
     values -= np.where(system.above, system.coefficient(1.0), 0.0) * speed
-    values[:, system.read] = 0.0
+    values[:, system.is_memory] = 0.0
     nodes = np.arange(p)
     taylor = np.linalg.solve(np.vander(nodes, increasing=True).astype(float), values)
     derivatives = taylor * np.cumprod(np.maximum(nodes, 1))[:, None]  # h**l phi^(l)(0)

@@ -141,9 +141,9 @@ class ExplicitCaputo(Scheme):
         """Return the plan of this scheme for `system` with uniform steps h."""
         if system.varies:
             return varying_plan(system, h, 1.0, explicit=True)
-        second = system.highest_orders() > 1
+        above_one = system.highest_orders() > 1
         speed = h * system.y0[1] if system.m == 2 else 0.0
-        starts: list[Any] = [(partial(_start_weights, h=h), np.where(second, speed, 0.0))]
+        starts: list[Any] = [(partial(_start_weights, h=h), np.where(above_one, speed, 0.0))]
         if any(op.kernel is not None and op.derivative == 0 for op, _ in system.left):
             # y(0) is a start value if a kernel acts on y itself, because increments omit it
             values = partial(value_weights, h=h, theta=0.0, derivative=0)
@@ -155,7 +155,7 @@ class ExplicitCaputo(Scheme):
             partial(weighed, h=h),
             starts=starts,
             whole=True,
-            given=second.astype(np.int64),
+            given=above_one.astype(np.int64),
             region=_region(system, h, self._limits(system, h)),
             slowest=SLOWEST,
         )
