@@ -211,10 +211,10 @@ class AdaptiveStepper(ResumableStepper, TangentStepper, JumpingStepper):
         if status == REACHED and self._error is None:
             self._set_origin(t_stop)
         at_starts = steps.at_starts[:n, :, :d]  # y of the orbit, then p
-        if status in (FULL, TOO_CLOSE):
-            block = *before, self.t, counts, t_stop, at_starts, self._still_sizes()
-            if self.step_limits.is_stalled(*block):
-                status = CRAWLING
+        if status in (FULL, TOO_CLOSE) and self.step_limits.is_stalled(
+            *before, self.t, counts, t_stop, at_starts, self._still_sizes()
+        ):
+            status = CRAWLING
         self._peak = np.maximum(self._peak, np.abs(at_starts).max(axis=0, initial=0.0)[::-1])
         if self.n_steps > _MAX_STEPS_PER_MARCH:  # over fewer steps errors of modes hardly add up
             self._moved += np.abs(np.diff(at_starts[:, 0], axis=0)).sum(axis=0)
@@ -266,8 +266,9 @@ class AdaptiveStepper(ResumableStepper, TangentStepper, JumpingStepper):
             sums.key, lambda: empty_tables(sums.of_varying.size, s, n_kernels)
         )
         try:
-            how = self._rule, sums.basis, taken[1], arrays, self._stages
-            return self._march(self._marched, steps, limits, *how)
+            return self._march(
+                self._marched, steps, limits, self._rule, sums.basis, taken[1], arrays, self._stages
+            )
         finally:
             spare_tables.give_back(taken)
 
@@ -318,9 +319,8 @@ class AdaptiveStepper(ResumableStepper, TangentStepper, JumpingStepper):
         of_run, jacobian, units = self._at_start(t_stop)
         longest, idle = self.step_limits.longest
         least = self._farthest / _LARGEST_RATIO
-        how = t, left, longest, least, jacobian, units
         self._ending, at_rest = TOO_STEEP, _FIRST_AT_REST * idle
-        for trial in trials(self._marched, form, orbit, *how):
+        for trial in trials(self._marched, form, orbit, t, left, longest, least, jacobian, units):
             h, variable, sizes = trial.length, trial.variable, self._state.sizes.copy()
             # the last two steps are equal, so that no tiny step remains before the stop
             h = min(h, 0.5 * left) if h < left else h
@@ -391,9 +391,8 @@ class AdaptiveStepper(ResumableStepper, TangentStepper, JumpingStepper):
             marched = marched.dense() if at_edge else marched
             solver = stage_solver(marched.structure, form, n, at_edge)
             solver.stages.control[AT_EDGE] = float(at_edge)
-        how = rule, basis, tables, arrays, solver
         limits = limits._replace(**self.allowed.of_first_step(variable.q)._asdict())
-        status = self._march(marched, steps, limits, *how)
+        status = self._march(marched, steps, limits, rule, basis, tables, arrays, solver)
         return steps, values if status in (FULL, REACHED) else None
 
     def _finish_singular_start(self, h, variable, values, t_stop):
@@ -516,8 +515,9 @@ class AdaptiveStepper(ResumableStepper, TangentStepper, JumpingStepper):
         ended = ended._replace(detail="; ".join(found))
         if not self._marched.has_jac:
             return ended
-        at = self._orbit.x[0], self._marched.structure, self.t
-        wrong = wrong_jacobian(self._marched.functions, *at)
+        wrong = wrong_jacobian(
+            self._marched.functions, self._orbit.x[0], self._marched.structure, self.t
+        )
         return ended._replace(detail=wrong or ended.detail)
 
     def _small_component(self):

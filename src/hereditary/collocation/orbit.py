@@ -133,8 +133,7 @@ class OrbitAndTangents:
 
     def march_arrays(self):
         """Return the arrays as `OrbitArrays`; compiled code changes them in place."""
-        present = self.initial, self.x, self.p
-        return OrbitArrays(*present, self.modes, self.before, self.last)
+        return OrbitArrays(self.initial, self.x, self.p, self.modes, self.before, self.last)
 
     def linear_arrays(self):
         """Return all arrays whose entries are linear in the solution, for orbit and tangents."""

@@ -525,8 +525,7 @@ def initial_state(h, largest, sizes):
     `largest` and `sizes` (d,) are the initial values of the fields with these names.
     """
     contraction = record(CONTRACTION, (1.0, 1.0, 1.0))
-    state = record(CONTROL, next=h), record(COUNTS), contraction, largest, sizes
-    return checked(MarchState(*state))
+    return checked(MarchState(record(CONTROL, next=h), record(COUNTS), contraction, largest, sizes))
 
 
 def restored_state(kept):

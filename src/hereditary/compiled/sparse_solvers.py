@@ -160,8 +160,9 @@ class SparseFactors:
             if not np.all(np.isfinite(values)):
                 return 1
             matrix = sparse.csc_array((values, *parts), shape=(n, n))
-            how = {"diag_pivot_thresh": _PIVOT, "options": _SYMMETRIC}
-            found[number] = linalg.splu(matrix, "MMD_AT_PLUS_A", **how)
+            found[number] = linalg.splu(
+                matrix, "MMD_AT_PLUS_A", diag_pivot_thresh=_PIVOT, options=_SYMMETRIC
+            )
             return 0
 
         def call(task, entries_at, vector_at):
