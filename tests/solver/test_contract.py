@@ -100,7 +100,7 @@ class AbleEuler(Euler, ResumableStepper, TangentStepper, JumpingStepper):
     def set_y(self, y):
         self._now = self.position, y, self.tangent
 
-    def set_parameter(self, number, value):
+    def set_side(self, number, sign):
         pass
 
 

@@ -6,7 +6,7 @@ import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, fields, replace
 from functools import cached_property, partial
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -28,12 +28,11 @@ from .jacobian_structure import Structure
 from .terms import SystemTerm
 
 _IDENTITY_FRAME = Frame()
-# Properties that follow from the left side alone, which systems share that differ in the rest.
-_OF_LEFT = (
-    "n_solved", "distinct", "read", "above", "_highest_orders", "second", "algebraic",
-    "highest_order", "t_last", "reads", "has_algebraic", "with_speed", "from_zero",
-    "terms_key", "constant", "varies",
-)  # fmt: skip
+_T = TypeVar("_T")
+
+
+class _of_left(cached_property[_T]):
+    """A property that follows from the left side alone, which systems that differ in y0 share."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -135,12 +134,12 @@ class System:
         """Number of components, including memory that the right-hand side reads."""
         return self.y0.shape[1]
 
-    @cached_property
+    @_of_left
     def n_solved(self) -> int:
         """Number of components with an equation, which come first."""
         return int(np.count_nonzero(~self.is_memory))
 
-    @cached_property
+    @_of_left
     def distinct(self) -> tuple[list[tuple[tuple[float, Any], ...]], np.ndarray]:
         """The distinct lists of (coefficient, operator), and the index of each component's, (d,).
 
@@ -205,12 +204,12 @@ class System:
         largest = max(abs(t), abs(start), abs(start + t)) if start else t
         return t + sign * 8 * math.ulp(largest)
 
-    @cached_property
+    @_of_left
     def is_memory(self) -> np.ndarray:
         """Whether each component is memory that the right-hand side reads, shape (d,)."""
         return self.sources != np.arange(self.d)
 
-    @cached_property
+    @_of_left
     def above(self) -> np.ndarray:
         """Whether each component, or the source of its memory, has an order above 1, (d,)."""
         return self.highest_orders()[self.sources] > 1
@@ -228,23 +227,23 @@ class System:
         """
         return self._highest_orders
 
-    @cached_property
+    @_of_left
     def _highest_orders(self) -> np.ndarray:
         highest = leading_orders(self.left, self.d)
         highest.flags.writeable = False
         return highest
 
-    @cached_property
+    @_of_left
     def above_one(self) -> np.ndarray:
         """Whether each component with an equation has an order above 1, shape (n_solved,)."""
         return self.highest_orders()[: self.n_solved] > 1
 
-    @cached_property
+    @_of_left
     def with_speed(self) -> np.ndarray:
         """Numbers of the components with an equation of order above 1, (k,)."""
         return np.flatnonzero(self.above_one)
 
-    @cached_property
+    @_of_left
     def algebraic(self) -> np.ndarray:
         """Whether each component with an equation has an algebraic one, 0 = f, (n_solved,)."""
         held = [coefficients[: self.n_solved] != 0 for _, coefficients in self.left]
@@ -261,42 +260,42 @@ class System:
                 total += np.where(operator.order == np.asarray(alpha), coefficients, 0.0)
         return total
 
-    @cached_property
+    @_of_left
     def highest_order(self) -> float:
         """The highest order of all components."""
         return float(self.highest_orders().max())
 
-    @cached_property
+    @_of_left
     def t_last(self) -> float:
         """Last time at which all operators are known."""
         return min(operator.t_last for operator, _ in self.left)
 
-    @cached_property
+    @_of_left
     def reads(self) -> bool:
         """Whether the right-hand side reads memory."""
         return bool(self.is_memory.any())
 
-    @cached_property
+    @_of_left
     def has_algebraic(self) -> bool:
         """Whether any component has an algebraic equation."""
         return bool(self.algebraic.any())
 
-    @cached_property
+    @_of_left
     def from_zero(self) -> bool:
         """Whether any operator is Riemann and Liouville's."""
         return any(operator.from_zero for operator, _ in self.left)
 
-    @cached_property
+    @_of_left
     def terms_key(self) -> tuple[tuple[Any, tuple[float, ...]], ...]:
         """The operators with their coefficients: equal for systems with equal left sides."""
         return tuple((operator, tuple(own.tolist())) for operator, own in self.left)
 
-    @cached_property
+    @_of_left
     def constant(self) -> bool:
         """Whether all operators are Caputo's derivatives of constant order."""
         return all(operator.constant for operator, _ in self.left)
 
-    @cached_property
+    @_of_left
     def varies(self) -> bool:
         """Whether an order varies."""
         return any(operator.varies for operator, _ in self.left)
@@ -357,6 +356,7 @@ class System:
         return np.where(self.highest_orders() > 1, ydot, slope)
 
 
+_OF_LEFT = tuple(name for name, found in vars(System).items() if isinstance(found, _of_left))
 # Fields and properties that a displaced system has as well.
 _KEPT = (*(field.name for field in fields(System)), *_OF_LEFT)
 
