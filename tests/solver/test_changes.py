@@ -416,6 +416,38 @@ def test_a_ball_between_walls(how, kept):
     assert sol.y[:, 0].max() < 1.01
 
 
+def heated(t, y):
+    return np.array([y[1], 0.0])
+
+
+@pytest.mark.parametrize(("alpha", "gap"), [(1.0, 1e-3), (0.85, 1e-2), (0.75, 1e-2), (0.72, 2e-3)])
+@pytest.mark.parametrize("either", [True, False])
+def test_a_thermostat_keeps_between_its_levels(alpha, gap, either):
+    """The next zero may follow a change within a tiny fraction of a step."""
+    hot = event(lambda t, y: y[0] - 1.0, lambda t, y: np.array([y[0], -1.0]), direction=1)
+    cold = event(lambda t, y: y[0] - 1.0 + gap, lambda t, y: np.array([y[0], 1.0]), direction=-1)
+    if either:
+        hot.direction = cold.direction = 0  # on its way up y passes the lower level
+    eq = hd.Equation(C([alpha, 1.0]), heated, [0.5, 1.0])
+    sol = hd.solve(eq, 0.5 + gap, rtol=1e-6, events=[hot, cold])
+    late = sol.t >= sol.t_events[0][0]
+    assert sol.success
+    assert sol.y[late, 0].max() < 1.0 + 1e-5  # ten tolerances
+    assert sol.y[late, 0].min() > 1.0 - gap - 1e-5
+
+
+@pytest.mark.parametrize("rtol", [1e-3, 1e-5])
+@pytest.mark.parametrize("above", [1e-3, 1e-5, 1e-7])
+def test_a_run_that_grazes_a_zero_goes_on(above, rtol):
+    """Errors may hide the way back, but no pile and no sliding is told."""
+    graze = event(lambda t, y: y[0] - 1.0, counter)
+    eq = hd.Equation(C(1.0), lambda t, y: np.array([np.cos(t), 0.0]), [above, 0.0])
+    sol = hd.solve(eq, 20.0, rtol=rtol, events=graze, max_step=0.05)
+    assert sol.success
+    assert sol.y[-1, 1] == sol.t_events[0].size
+    assert np.abs(sol.y[:, 0] - above - np.sin(sol.t)).max() < 10 * rtol
+
+
 @pytest.mark.parametrize("n", [3999, 4000])
 @pytest.mark.parametrize("scheme", [hd.ExplicitCaputo(), hd.L1(), hd.GrunwaldLetnikov()], ids=repr)
 def test_a_mirror_acts_once_where_it_falls_on_a_step(scheme, n):

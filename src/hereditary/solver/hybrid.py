@@ -8,6 +8,12 @@ Right-hand sides that jump are evaluated on one side until the run has located t
 Trial points of a step may be beyond the switch. There the right-hand side has the value of the
 nearest point on the side of the march. Steps therefore meet no jump, and their polynomials cross
 the switch where the solution does.
+
+After its zero a function is disarmed until its value exceeds the error band, and then it is armed
+again. The band is the error of the value by errors of y, and on given steps at least the value at
+the step that acted. A bouncing ball would fall through the floor where the band hides a bounce. So
+slopes tell whether a change turned an event back. Such an event piles up if it leaves the band
+beyond its zero. A switch slides if on either side the solution leaves the band to the other.
 """
 
 from __future__ import annotations
@@ -16,7 +22,7 @@ import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -28,7 +34,7 @@ from ..stepping.status import Ending, Status
 from ..stepping.stepper import JumpingStepper, Stepper
 from ..stepping.times import together
 from ..support.checks import real, refuse, shown
-from .events import TINY, Events, value_of
+from .events import Events, value_of
 from .output import Output
 from .run import Drive
 
@@ -52,20 +58,8 @@ _LONG = 0.03
 _NEXT = 10.0 ** np.arange(-9, 0)
 # Relative distance from a start up to which the sign of an event function is rounding.
 _ROUNDED_TIME = 64 * np.finfo(float).eps
-# A solution that returns to the surface of a switch within this fraction of a step returns at once.
-_RETURN = 1e-6
-# A solution that returns within this fraction of the time returns at once as well.
-_RETURN_TIME = 1e-12
-# Values of an event function below this fraction of its largest value over a step may be rounding.
-_ROUNDING_OF_EVENTS = 1e-13
-# Values of an event function up to this fraction of its largest value may be the error of the
-# located time.
-_MISPLACED = 1e-2
 # Time for which the motion after a change is predicted, relative to the present time.
 _AHEAD = 1e-8
-# Steps for which an event whose function has changed its direction may continue, because schemes
-# remember a corner.
-_CORNER = 4
 
 
 class Hybrid:
@@ -183,7 +177,6 @@ class Hybrid:
             output.go_on(np.any(stepper.y != before))
             events.go_on(before, stepper)
             self._take_sides()
-            events.leave_switches(stepper)
         return Ending(Status.EVENT_FAILED, events.failure) if events.failure else None
 
     def _take_sides(self) -> None:
@@ -275,7 +268,7 @@ class HybridEvents(Events):
     sides : list of float
         Sign of each switch with which the march continues.
     stuck : int or None
-        The switch whose zero was followed by another one at once.
+        The function whose values the error band hides: a switch slides, an event piles up.
     next_change : float
         Next stated time, at which the march is interrupted in any case.
     step : float
@@ -298,82 +291,63 @@ class HybridEvents(Events):
         self._stop_at, self.next_change = stepper.stop_at, math.inf
         self.stuck: int | None = None
         self.step = 0.0
-        self._at_once = 1.0 if stepper.on_given_steps else _RETURN
         self.fired: dict[int, float] = {}
-        self._last: dict[int, float] = {}
+        self._zeroed: set[int] = set()
+        self._last: set[int] = set()
+        self._disarmed: dict[int, Disarmed] = {}
+        self._armed: dict[int, float] = {}
+        self._back: set[int] = set()
         super().__init__(functions, stepper, signs, n_events)
 
     def go_on(self, before: np.ndarray, stepper: JumpingStepper) -> None:
-        """Continue from the present time, at which the components (d,) were `before` the change."""
+        """Continue from the present time, at which the components (d,) were `before` the change.
+
+        Functions with a zero here are disarmed, unless the change led them out of their band.
+        """
         t, y = stepper.t, stepper.y
-        values, known, crossings = [], [], {}
+        values, known, disarmed = [], [], {}
         for number, function in enumerate(self._functions):
             then, now = self._seen(function, [t, t], [before, y]).tolist()
+            sign = self._after[number] if now == then else 0.0
+            fired, near, back = number in self.fired, -1.0, number in self._back
+            if fired or number in self._zeroed:
+                near = uncertainty(partial(value_of, function), stepper)
+                band = max(near, abs(then))
+                if now * then > 0.0:  # the change did not take it back
+                    near = band
+            elif number in self._disarmed and self._armed.get(number, math.inf) > t:
+                near, back = self._disarmed[number].band, self._disarmed[number].back
+                band = near
+            if abs(now) <= near:
+                side = 0.0
+                if number >= self.n_events:
+                    sign = side = self._after[number]
+                elif fired:
+                    event, crossed = partial(value_of, function), self.fired[number]
+                    sign = sign_ahead(event, crossed, before, stepper)
+                    side = sign if sign == -crossed else 0.0
+                disarmed[number] = Disarmed(band, side, back)
             values.append(now)
-            known.append(self._after[number] if now == then else 0.0)
-            if number < self.n_events:
-                crossings[number] = self._crossing(number, then, now, before, stepper)
-        self._begin(t, values, known, crossings)
-
-    def _crossing(
-        self, number: int, then: float, now: float, before: np.ndarray, stepper: JumpingStepper
-    ) -> Crossing | None:
-        """Return the `Crossing` of an event that was `then` before a change; None if that is not 0.
-
-        The event may also be one without changes, which found the zero at which another event
-        acted.
-        """
-        acted, on_given_steps = number in self.fired, self._on_given_steps
-        sign = self.fired[number] if acted else self._after[number]
-        if not sign or (on_given_steps and not acted):
-            return None
-        value = partial(value_of, self._functions[number])
-        error = uncertainty(value, stepper)
-        if not on_given_steps:  # these stand at the zero itself
-            error = max(error, abs(then))
-        if not abs(now) <= error and not (on_given_steps and now == then):
-            return None
-        ahead = sign_ahead(value, sign, before, stepper, acted)
-        return Crossing(sign, ahead, now, error, on_given_steps) if ahead or acted else None
+            known.append(sign)
+        self._begin(t, values, known, disarmed)
 
     def _begin(
         self,
         t: float,
         values: list[float],
         after: list[float],
-        crossings: dict[int, Crossing | None] | None = None,
+        disarmed: dict[int, Disarmed] | None = None,
     ) -> None:
-        """Start at time t, as `Events` do; `crossings` are of events that have just changed y."""
-        # the last value seen is kept: so a zero between two calls is found exactly once
-        earlier = self._last if t == self._start else {}
-        self._last, self.fired, self._crossings = earlier | self.fired, {}, crossings or {}
-        # switches on whose surface the run begins, and which may still turn out to be left to the
-        # other side
-        self._open: set[int] = set()
+        """Start at time t, as `Events` do, with these functions `disarmed`."""
+        self._disarmed, self._armed = dict(disarmed or {}), {}
+        self._last = set(self.fired) | (self._last if t == self._start else set())
+        self.fired, self._zeroed, self._back = {}, set(), set()
         signs = list(after)
-        for number, (value, sign) in enumerate(zip(values, after, strict=True)):
-            crossing = self._crossings.get(number)
-            if crossing and crossing.sign:
-                signs[number] = crossing.sign
-            elif number >= self.n_events and value == 0 and not sign:
-                self._open.add(number)
-                signs[number] = 1.0
-            elif value == 0 and not sign and self._on_given_steps and number in self._last:
-                signs[number] = -self._last[number]  # a change took it back; steps show no more
+        for number in range(self.n_events, len(values)):
+            if values[number] == 0 and not signs[number]:  # either side may be the right one
+                self._disarmed[number], signs[number] = Disarmed(0.0, 1.0, False), 1.0
         super()._begin(t, values, signs)
         self.sides = self._after[self.n_events :]
-
-    def leave_switches(self, stepper: JumpingStepper) -> None:
-        """Set switches to the side of the march if f leads away from their zeros.
-
-        Errors may have put the start on the other side of a zero.
-        """
-        for number in range(self.n_events, len(self._functions) if not self._on_given_steps else 0):
-            value, y = partial(value_of, self._functions[number]), stepper.y
-            side = self.sides[number - self.n_events]
-            if number in self._last and sign_ahead(value, side, y, stepper, False) == side:
-                error = uncertainty(value, stepper)
-                self._crossings[number] = Crossing(side, side, 0.0, error, False)
 
     def look(self, edges: np.ndarray, at: Callable) -> float | None:
         """Locate zeros between `edges` as `Events` do, and also end where a function acts."""
@@ -388,6 +362,7 @@ class HybridEvents(Events):
     def _looked_at(self, times: np.ndarray, edges: np.ndarray) -> np.ndarray:
         """Return the times, between these edges, at which functions are evaluated."""
         self._returns: list[tuple[float, int, float]] = []
+        self.stuck = None
         if edges[0] == self._start and self._last and not self._on_given_steps:
             # just after a change two zeros may be arbitrarily close to each other
             times = np.union1d(times, edges[0] + (edges[1] - edges[0]) * _NEXT)
@@ -399,38 +374,34 @@ class HybridEvents(Events):
         self, number: int, times: np.ndarray, values: np.ndarray, at: Callable, edges: np.ndarray
     ) -> Iterator[tuple[float, float]]:
         """Yield the zeros of a function up to the first one at which it acts."""
-        crossing, returned = self._crossings.get(number), None
-        if (
-            crossing
-            and not self._on_given_steps
-            and edges[0] == self._start
-            and crossing.settle(values)
-        ):
-            returned = self._start
-        elif crossing and crossing.returning:
-            away = crossing.follow(values)
-            returned = None if away is None else float(times[away])
+        kept, until = self._disarmed.get(number), 0
+        if kept and number not in self._armed:
+            clear = np.flatnonzero(np.abs(values[1:]) > kept.band) + 1
+            until = int(clear[0]) if clear.size else values.size
+            values[:until] = 0.0  # without signs there are no zeros
+            if clear.size:
+                self._armed[number] = float(times[until])
         self._values[number] = values[-1]
-        if crossing and returned is not None:
-            self.stuck = number
-            self._returns.append((returned, number, crossing.before))
+        if kept and 0 < until < values.size and kept.side * values[until] < 0.0:
+            t = float(times[until - 1] if self._on_given_steps else edges[0])
+            if number < self.n_events or kept.back:
+                self.stuck = number
+                self._returns.append((t, number, -kept.side))
+            else:  # perhaps it did not cross: the other side is tried
+                self._back.add(number)
+                yield t, -kept.side
             return
         for t, sign in self._zeros(self._functions[number], times, values, at):
             if self._acting[number]:
                 t = nearest(t, self._known, self._origin)
                 if not self._on_given_steps and edges[0] > self._start:
                     t = nearest(t, edges[:1], self._origin)  # no step reaches a time so close
-            if self._comes_back(number, t, sign, edges):
-                self.stuck = number
-                self._returns.append((self._start, number, sign))
-                return
-            if self._is_start(t) or (number in self._open and t <= self._soon(edges)):
-                if number in self._last and (
-                    not self._on_given_steps or sign != self._last[number]
-                ):
-                    continue  # where a run goes on from its own event
-                # a given step that ends beyond the zero once more changes at its end
-                t = float(edges[1]) if number in self._last else self._start
+            if t <= self._start or together(t, self._start, self._origin):
+                t = self._start
+                if number in self._last:
+                    self.stuck = number
+                    self._returns.append((t, number, sign))
+                    return
                 if number < self.n_events and self._is_known(number, t):
                     continue
             if self._acting[number]:  # a step at the very time may be earlier by rounding
@@ -438,23 +409,6 @@ class HybridEvents(Events):
             yield t, sign
             if self._acting[number]:
                 return
-
-    def _is_start(self, t: float) -> bool:
-        """Return whether a zero at t is the one at the start."""
-        return t <= self._start or bool(together(t, self._start, self._origin))
-
-    def _soon(self, edges: np.ndarray) -> float:
-        """Return the time up to which a zero counts as following the start at once."""
-        rounded = self._start * (1 + _RETURN_TIME)
-        if edges[0] > self._start:
-            return rounded
-        return max(rounded, self._start + self._at_once * (edges[1] - edges[0]))
-
-    def _comes_back(self, number: int, t: float, sign: float, edges: np.ndarray) -> bool:
-        """Return whether the zero at t is the one from which the run has just continued."""
-        if number >= self.n_events:
-            return number in self._last and t <= self._soon(edges)
-        return not self._on_given_steps and self._last.get(number) == sign and self._is_start(t)
 
     def _end(self, end: float, found: list[tuple[float, int, float]], edges: np.ndarray) -> float:
         """Return the time at which the march ends, by a terminal event or a function that acts."""
@@ -479,6 +433,7 @@ class HybridEvents(Events):
     def _keep(self, found: list[tuple[float, int, float]], end: float, at: Callable) -> None:
         """Store zeros up to `end`, and the signs just after it."""
         super()._keep(found, end, at)
+        self._zeroed = {number for t, number, _ in found if t == end}
         for number in self.fired:
             if number >= self.n_events:  # whose zero may lie at the end itself
                 self._after[number] = -self.sides[number - self.n_events]
@@ -488,64 +443,22 @@ class HybridEvents(Events):
         self._after[number] = -self.fired[number]
 
 
-class Crossing:
-    """Whether an event that has just changed y at its zero passes through the zero or turns back.
-
-    A bounce turns back. A counter, or a force that is switched, lets the solution pass. Next to the
-    zero errors and rounding hide the direction, so slopes decide.
-
-    Parameters
-    ----------
-    before : float
-        Sign of the event after its zero, before the change.
-    sign : float
-        Sign with which it continues; 0 if unknown.
-    value, error : float
-        Value of the event at the change, and the error of this value.
-    on_given_steps : bool
-        Whether steps are given, so that the change is at one of them, after the zero.
+class Disarmed(NamedTuple):
+    """A function that has no zeros until its value exceeds `band`.
 
     Attributes
     ----------
-    returning : bool
-        Whether the event has turned back but has not reached its zero again.
+    band : float
+        Largest |value| within the band.
+    side : float
+        Sign with which it leaves the band, 0 if either; the other sign means a return.
+    back : bool
+        Whether a switch has returned once.
     """
 
-    def __init__(
-        self, before: float, sign: float, value: float, error: float, on_given_steps: bool
-    ) -> None:
-        self.before, self.sign, self._error = before, sign, error
-        self.returning = on_given_steps and sign == -before == -np.sign(value)
-        self._far, self._steps = abs(value), 0
-
-    def settle(self, values: np.ndarray) -> bool:
-        """Set the sign of the first values over the next step, which errors hide.
-
-        Return whether errors hide the whole way back from a turn, as in a short bounce.
-        """
-        scale = np.nanmax(np.abs(values))
-        error = min(2 * self._error, _MISPLACED * scale) if self.sign else 0.0
-        hidden = np.abs(values) <= max(_ROUNDING_OF_EVENTS * scale, error)
-        if not hidden[1] or hidden.all():
-            return False
-        clear = np.argmin(hidden[1:]) + 1
-        values[:clear] = math.copysign(TINY, self.sign or -self.before)
-        return self.sign == -self.before == -np.sign(values[clear])
-
-    def follow(self, values: np.ndarray) -> int | None:
-        """Let the values of an event that is returning have the sign that follows the return.
-
-        Return the index of the value at which it turns away again, or None.
-        """
-        for i, value in enumerate(values[1:].tolist(), 1):
-            self._steps = self._steps + 1 if abs(value) > self._far else 0
-            if not value * self.before > 0.0 or self._steps > _CORNER:
-                self.returning = False
-                values[:i] = math.copysign(TINY, -self.before)
-                return i if value * self.before > 0.0 else None
-            self._far = abs(value)
-        values[:] = math.copysign(TINY, -self.before)
-        return None
+    band: float
+    side: float
+    back: bool
 
 
 def uncertainty(value: Callable[[float, np.ndarray], float], stepper: JumpingStepper) -> float:
@@ -567,13 +480,12 @@ def sign_ahead(
     sign: float,
     before: np.ndarray,
     stepper: Stepper,
-    crossed: bool,
 ) -> float:
     """Return the sign of an event after a change of y; 0 if it is unknown.
 
     It is the sign of the slope of the event along the motion. A motion that comes to rest has
-    turned back. ``value(t, y)`` is the event. Before the change, y was `before` (d,). `crossed`
-    says whether the event had passed through its zero.
+    turned back. ``value(t, y)`` is the event. Before the change, y was `before` (d,), and
+    `sign` is that of the event after its zero.
     """
     t, system, slopes = stepper.t, stepper.system, []
     if system.is_memory.any():
@@ -586,7 +498,7 @@ def sign_ahead(
                 slopes.append(float(np.sign(value(ahead, then) - value(t, y))))
     except Exception:  # the march meets it again
         return 0.0
-    if crossed and slopes[0] == slopes[1]:
+    if slopes[0] == slopes[1]:
         return sign
     return slopes[1] or -sign if slopes[0] == sign else 0.0
 
