@@ -14,10 +14,12 @@ right-hand side. If they contain the highest derivative, the row of p is *implic
 from the balance of right-hand side and terms, and p' is an integrand.
 """
 
+from __future__ import annotations
+
 from collections import Counter
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -85,7 +87,7 @@ class Form:
         return self.terms.tolist()
 
     @cached_property
-    def groups(self) -> list["Group"]:
+    def groups(self) -> list[Group]:
         """The convolution terms in groups; terms of one group differ by their rows alone.
 
         Each row occurs at most once in a group.
@@ -187,7 +189,7 @@ class Form:
         """
         return max(least, left * min(1e-2, atol ** (1 / self.start_exponent(t))))
 
-    def _start_power(self, k, integrand, t):
+    def _start_power(self, k: int, integrand: int, t: float) -> float:
         """Return the exponent of time with which one term alone changes p after t.
 
         k is the index of the term's order or kernel.
@@ -243,7 +245,7 @@ def integral_form(system: System) -> Form:
 
 
 @lru_cache(maxsize=256)
-def _kept_form(left, m):
+def _kept_form(left: tuple[tuple[Operator, tuple[float, ...]], ...], m: int) -> Form:
     """Return the integral equations of few components with constant orders, cached between runs.
 
     `left` has pairs of an operator and its coefficients; m is the largest derivative in a term.
@@ -253,7 +255,7 @@ def _kept_form(left, m):
     return _form_of(System(terms, y0))
 
 
-def _form_of(system):
+def _form_of(system: System) -> Form:
     """Return the integral equations of a system, without a cache."""
     highest = system.highest_orders()
     leading, above_one = system.coefficient(highest), highest > 1
@@ -303,7 +305,7 @@ def _form_of(system):
     )
 
 
-def _from_zero(rows, d):
+def _from_zero(rows: list[_Row], d: int) -> tuple[tuple[int, int], ...]:
     """Return integrand and component of each Riemann-Liouville term with a varying order.
 
     Refuse a component that mixes them with Caputo terms of varying order.
@@ -320,7 +322,7 @@ def _from_zero(rows, d):
     return tuple(place for place, kinds in found.items() if kinds[0].from_zero)
 
 
-def _is_implicit(system, c, highest):
+def _is_implicit(system: System, c: int, highest: float) -> bool:
     """Return whether no Caputo term of constant order has the highest order of component c."""
     return not any(
         operator.constant and operator.order == highest and coefficients[c] != 0
@@ -328,14 +330,16 @@ def _is_implicit(system, c, highest):
     )
 
 
-def _place(row, places):
+def _place(row: _Row, places: list[Any]) -> int:
     """Return the index of a term's order or kernel in `places`, -1 for the integrand itself."""
     if row.operator is not None:
         return places.index(row.operator.kernel or row.operator)
     return ITSELF if row.order is None else places.index(row.order)
 
 
-def _integral_rows(system, c, highest, above_one, leading):
+def _integral_rows(
+    system: System, c: int, highest: float, above_one: bool, leading: float
+) -> list[_Row]:
     """Return the convolution terms of component c if its highest derivative can be integrated.
 
     `highest` is its order, and `leading` its coefficient. `above_one` is 1 if p is y'.
@@ -364,12 +368,12 @@ def _integral_rows(system, c, highest, above_one, leading):
     return rows
 
 
-def _derivative_rows(system, c, above_one):
+def _derivative_rows(system: System, c: int, above_one: bool) -> list[_Row]:
     """Return the convolution terms of an implicit row c; `above_one` is 1 if p = y'.
 
     All of them are subtracted from the right-hand side.
     """
-    present = [(operator, own[c]) for operator, own in system.left if own[c] != 0]
+    present: list[tuple[Any, float]] = [(op, own[c]) for op, own in system.left if own[c] != 0]
     rows = []
     for operator, coefficient in present:
         if not operator.constant:
@@ -381,7 +385,9 @@ def _derivative_rows(system, c, above_one):
     return rows
 
 
-def _subtracted_row(operator, coefficient, c, d, above_one):
+def _subtracted_row(
+    operator: Operator, coefficient: float, c: int, d: int, above_one: bool
+) -> _Row:
     """Return the convolution term of an operator that is subtracted from f of component c.
 
     d is the number of components; `above_one` is 1 if p of component c is y'.
@@ -390,7 +396,7 @@ def _subtracted_row(operator, coefficient, c, d, above_one):
     return _Row(d + c, integrand, coefficient, operator=operator)
 
 
-def _generators(increments):
+def _generators(increments: tuple[float, ...]) -> tuple[float, ...]:
     """Return the generators, numbers whose sums are the exponents of t in the solution near 0.
 
     They are 1 and the `increments`, the amounts by which integrals raise exponents. An increment is

@@ -11,13 +11,14 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, replace
 from functools import lru_cache
+from typing import Any, Self
 
 import numpy as np
 from scipy.special import rgamma
 
 from ..kernels.exponential_sum import fit_unit, grid_spacing
 from ..kernels.kernel_fits import RATIO_OF_VALUES
-from ..kernels.memory_kernel import NO_ERRORS, ExponentialSum, KernelErrors
+from ..kernels.memory_kernel import NO_ERRORS, ExponentialSum, KernelErrors, MemoryKernel
 from ..support.checks import complaint
 
 # Smallest distance of the fit of a general kernel, as fraction of the closest distance that steps
@@ -68,7 +69,7 @@ class GridBasis:
     rates: np.ndarray
     spacing: float
 
-    def refine(self, closest: float):
+    def refine(self, closest: float) -> Self:
         """Return a basis that is accurate from the distance `closest` on.
 
         Its first rates are the rates of this basis.
@@ -81,7 +82,7 @@ class GridBasis:
             raise ArithmeticError(f"no basis from {closest} on extends that from {self.closest}")
         return basis
 
-    def _down_to(self, closest):
+    def _down_to(self, closest: float) -> Any:
         """Return a basis with the same spacing that is accurate from the distance `closest` on."""
         raise NotImplementedError
 
@@ -111,11 +112,17 @@ class PowerLawBasis(GridBasis):
             max(_effective_tol(exponents, self.tol), _ROUNDING_OF_MODES) if any(exponents) else 0.0
         )
 
-    def _down_to(self, closest):
+    def _down_to(self, closest: float) -> PowerLawBasis:
         return power_law_basis(self.orders, closest, self.farthest, self.tol, self.fraction)
 
 
-def power_law_basis(orders, closest, farthest, tol, fraction=None):
+def power_law_basis(
+    orders: list[float] | tuple[float, ...],
+    closest: float,
+    farthest: float,
+    tol: float,
+    fraction: float | None = None,
+) -> PowerLawBasis:
     """Return the sums of exponentials for power laws of these orders between two distances.
 
     `fraction` is the fraction of the tolerance `tol` that sets the spacing of the rates. If it is
@@ -163,7 +170,9 @@ class KernelBasis:
     errors: KernelErrors = NO_ERRORS
 
 
-def kernel_basis(kernels, closest, farthest, t_end, tol):
+def kernel_basis(
+    kernels: tuple[MemoryKernel, ...], closest: float, farthest: float, t_end: float, tol: float
+) -> KernelBasis:
     """Return the sums of exponentials for general kernels, as a `KernelBasis`.
 
     Steps evaluate the sums at distances from `closest` on. The sums are accurate up to `farthest`,
@@ -185,7 +194,7 @@ def kernel_basis(kernels, closest, farthest, t_end, tol):
 NO_KERNELS = KernelBasis((), np.zeros(0))
 
 
-def _first_distance(kernel, closest, tol):
+def _first_distance(kernel: MemoryKernel, closest: float, tol: float) -> float:
     """Return the smallest distance of the fit of a kernel by exponentials."""
     below = max(
         _MIN_FIT_START_FRACTION, _FIT_START_FRACTION * tol ** (1 / (2 - kernel.singular_exponent))
@@ -193,7 +202,7 @@ def _first_distance(kernel, closest, tol):
     return max(below * closest, 1e-300, _constant_until(kernel, closest, tol))
 
 
-def _constant_until(kernel, closest, tol):
+def _constant_until(kernel: MemoryKernel, closest: float, tol: float) -> float:
     """Return the distance up to which a bounded kernel equals K(0) within `tol`, 0 if singular."""
     if kernel.singular_exponent > 0:
         return 0.0
@@ -204,7 +213,7 @@ def _constant_until(kernel, closest, tol):
 
 
 @lru_cache(maxsize=64)
-def integral_if_rising(kernel, t_end):
+def integral_if_rising(kernel: MemoryKernel, t_end: float) -> float:
     """Return ``int_0^t_end |K|`` of a kernel that rises to more than `_RISING` |K(0)|; else 0."""
     if kernel.singular_exponent > 0:
         return 0.0
@@ -214,7 +223,7 @@ def integral_if_rising(kernel, t_end):
 
 
 @lru_cache(maxsize=64)
-def _fit(kernel, t_min, t_max, tol):
+def _fit(kernel: MemoryKernel, t_min: float, t_max: float, tol: float) -> ExponentialSum:
     """Return the sum of exponentials of a kernel from t_min to t_max, with error `tol` if possible.
 
     Modes that have decayed at t_min are left out.
@@ -232,7 +241,7 @@ def _fit(kernel, t_min, t_max, tol):
     return replace(fit, rates=fit.rates[lasting], weights=fit.weights[lasting], t_min=t_min)
 
 
-def _effective_tol(exponents, tol):
+def _effective_tol(exponents: tuple[float, ...], tol: float) -> float:
     """Return the tolerance of a fit of kernels t**-e, less than `tol` if an exponent e is tiny."""
     least = min((a for a in exponents if a > 0), default=1.0)
     return tol * min(1.0, max(least / _VARYING, _LEAST_TOL / tol))

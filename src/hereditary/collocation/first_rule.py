@@ -10,6 +10,8 @@ same accuracy. A stiff solution of tiny order g changes where c t**g is about 1.
 1 / (1 + c t**g), which is linear in v.
 """
 
+from __future__ import annotations
+
 import math
 from functools import lru_cache
 from typing import NamedTuple
@@ -19,6 +21,7 @@ from numpy.polynomial.legendre import leggauss
 from scipy.special import rgamma
 
 from ..compiled.jit import checked
+from ..kernels.memory_kernel import MemoryKernel
 from .quadrature import check_points_of, legendre_values, radau_nodes, to_legendre
 from .structures import ExponentialBasis, Rule, StepTables
 
@@ -51,7 +54,7 @@ class Variable(NamedTuple):
     n: int = _FIRST_STEP_NODES
 
     @classmethod
-    def of(cls, generators, c=0.0):
+    def of(cls, generators: tuple[float, ...], c: float = 0.0) -> Variable:
         """Return the variable for functions whose exponents of t are sums of the `generators`."""
         ratios = [g / generators[0] for g in generators[1:]]
         m = next(
@@ -59,36 +62,36 @@ class Variable(NamedTuple):
         )
         return cls(m / generators[0], m, c, _BENT_FIRST_STEP_NODES if c else _FIRST_STEP_NODES)
 
-    def logs(self, u):
+    def logs(self, u: np.ndarray) -> np.ndarray:
         """Return log(t) at u."""
         with np.errstate(divide="ignore"):
             return self.q * np.log(u) - self.q / self.m * np.log1p(self.c * (1 - u**self.m))
 
-    def at(self, logs):
+    def at(self, logs: np.ndarray) -> np.ndarray:
         """Return u at times with the logarithms `logs`."""
         return np.exp(logs / self.q) / self._bend(logs) ** (1 / self.m)
 
-    def _bend(self, logs):
+    def _bend(self, logs: np.ndarray) -> np.ndarray:
         """Return t**(m/q) / v at times with the logarithms `logs`; 1 for c = 0."""
         return (1 + self.c * np.exp(logs * (self.m / self.q))) / (1 + self.c)
 
-    def slopes(self, t):
+    def slopes(self, t: np.ndarray) -> np.ndarray:
         """Return du/dt at t above 0."""
         logs = np.log(t)
         return self.at(logs) / (self.q * t * (1 + self.c) * self._bend(logs))
 
 
-def _is_smooth(exponent):
+def _is_smooth(exponent: float) -> bool:
     """Return whether polynomials approximate u to this power well."""
     return exponent >= _SMOOTH_EXPONENT or abs(exponent - round(exponent)) < _INTEGER_EXPONENT_TOL
 
 
-def functions(variable, logs):
+def functions(variable: Variable, logs: np.ndarray) -> np.ndarray:
     """Return the n Lagrange polynomials in u at k times with logarithms `logs` (k,), (k, n)."""
     return _legendre(variable, logs).T @ to_legendre(variable.n)
 
 
-def _legendre(variable, logs):
+def _legendre(variable: Variable, logs: np.ndarray) -> np.ndarray:
     """Return the shifted Legendre polynomials P_0 .. P_(n-1) in u, at times with logarithms `logs`.
 
     The shape is (n, ...), with that of `logs` after n.
@@ -98,7 +101,7 @@ def _legendre(variable, logs):
 
 
 @lru_cache(maxsize=64)
-def first_rule(variable, orders):
+def first_rule(variable: Variable, orders: tuple[float, ...]) -> Rule:
     """Return the `Rule` of a first step of length 1, with fractional integrals of these orders."""
     u, looks = radau_nodes(variable.n), check_points_of(variable.n)
     logs, logs_of_looks = variable.logs(u), variable.logs(looks)
@@ -111,13 +114,13 @@ def first_rule(variable, orders):
 
 
 @lru_cache(maxsize=64)
-def node_logs(variable):
+def node_logs(variable: Variable) -> np.ndarray:
     """Return log(t) at the nodes of a first step, (n,)."""
     return variable.logs(radau_nodes(variable.n))
 
 
 @lru_cache(maxsize=16)
-def known_at_nodes(n, n_weights, n_kernels):
+def known_at_nodes(n: int, n_weights: int, n_kernels: int) -> tuple[ExponentialBasis, StepTables]:
     """Return the basis and the tables of a first step whose history is known at its n nodes.
 
     Each node has a mode of its own, whose decay to the other nodes is 0. The march then reads the
@@ -134,7 +137,7 @@ def known_at_nodes(n, n_weights, n_kernels):
     )
 
 
-def means(variable, orders, logs):
+def means(variable: Variable, orders: tuple[float, ...], logs: np.ndarray) -> np.ndarray:
     """Return ``J**a l_j / t**a`` at k times with logarithms `logs`, shape (n_a, k, n).
 
     l_j are the n Lagrange polynomials in u, and a is one of n_a orders. The values are finite for
@@ -153,12 +156,12 @@ def means(variable, orders, logs):
 
 
 @lru_cache(maxsize=64)
-def means_at_nodes(variable):
+def means_at_nodes(variable: Variable) -> np.ndarray:
     """Return the means of the n Lagrange polynomials from the start to each node, (n, n)."""
     return means(variable, (1.0,), variable.logs(radau_nodes(variable.n)))[0]
 
 
-def convolutions(variable, kernel, h):
+def convolutions(variable: Variable, kernel: MemoryKernel, h: float) -> np.ndarray:
     """Return the matrix of the convolution with a kernel K in a step of length h, (n, n).
 
     Row i gives ``int_0^(h t_i) K(h t_i - s) q(s) ds`` from the values of q at the times h t_j of
@@ -176,25 +179,25 @@ def convolutions(variable, kernel, h):
 
 
 @lru_cache(maxsize=16)
-def _at_rule_and_end(variable):
+def _at_rule_and_end(variable: Variable) -> np.ndarray:
     """Return the n Lagrange polynomials at the k points of `graded_rule` and at 1, (k + 1, n)."""
     return functions(variable, np.append(np.log(graded_rule()[0]), 0.0))
 
 
 @lru_cache(maxsize=16)
-def at_points(variable, name):
+def at_points(variable: Variable, name: tuple[bool, int]) -> np.ndarray:
     """Return the n Lagrange polynomials in u at the points of `rule_of_modes`, (n, k)."""
     return np.ascontiguousarray(functions(variable, np.log(_rule_of_modes(*name)[0])).T)
 
 
 @lru_cache(maxsize=16)
-def at_rule(variable):
+def at_rule(variable: Variable) -> np.ndarray:
     """Return the n Lagrange polynomials in u at the k points of `graded_rule`, (k, n)."""
     return functions(variable, np.log(graded_rule()[0]))
 
 
 @lru_cache(maxsize=1)
-def graded_rule():
+def graded_rule() -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return a quadrature rule on [0, 1] for integrands that are singular at both ends.
 
     The results are the points x, the values 1 - x without cancellation, and the weights.
@@ -207,7 +210,9 @@ def graded_rule():
     return np.concatenate([half, 1 - half]), np.concatenate([1 - half, half]), np.tile(weights, 2)
 
 
-def rule_of_modes(n, fastest):
+def rule_of_modes(
+    n: int, fastest: float
+) -> tuple[tuple[bool, int], np.ndarray, np.ndarray, np.ndarray]:
     """Return a rule on [0, 1] for polynomials of u in n nodes times decays towards the end.
 
     The decays are exponentials of rates up to `fastest`, so panels next to the end need not be
@@ -219,7 +224,7 @@ def rule_of_modes(n, fastest):
 
 
 @lru_cache(maxsize=64)
-def _rule_of_modes(smooth, n_ends):
+def _rule_of_modes(smooth: bool, n_ends: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return the rule with `n_ends` panels between the middle and the end.
 
     Panels next to the start have fewer points the shorter they are, if `smooth` is true: the
@@ -230,7 +235,7 @@ def _rule_of_modes(smooth, n_ends):
     return np.concatenate([x, 1 - v]), np.concatenate([1 - x, v]), np.concatenate([of_x, of_v])
 
 
-def _side(least, numbers):
+def _side(least: float, numbers: list[int]) -> tuple[np.ndarray, np.ndarray]:
     """Return points and weights on [least, 1/2], of which each panel is a quarter as long.
 
     `numbers` are those of the points in the panels, beginning with the longest.

@@ -11,6 +11,7 @@ import numpy as np
 
 from ..compiled.jit import checked
 from ..kernels.mode_bank import Bank, damping
+from .equations import Form
 from .exponential_basis import (
     NO_KERNELS,
     NO_POWER_LAWS,
@@ -54,7 +55,9 @@ class Modes(NamedTuple):
     key: tuple
 
 
-def joined(form, s, power_laws, kernels, varying):
+def joined(
+    form: Form, s: int, power_laws: PowerLawBasis, kernels: KernelBasis, varying: VaryingBasis
+) -> Modes:
     """Return the `Modes` of three sums of exponentials, for steps with s nodes."""
     n_varying, size = len(form.varying), varying.rates.size
     without = Bank(varying.rates, np.zeros((n_varying, size)))
@@ -72,12 +75,20 @@ def joined(form, s, power_laws, kernels, varying):
 
 
 @lru_cache(maxsize=_MODES_MAX)
-def no_modes(form, s):
+def no_modes(form: Form, s: int) -> Modes:
     """Return the `Modes` before the first fit, which are none."""
     return joined(form, s, NO_POWER_LAWS, NO_KERNELS, NOTHING_VARIES)
 
 
-def opened(form, s, closest, farthest, t_end, tol, kernels=None):
+def opened(
+    form: Form,
+    s: int,
+    closest: float,
+    farthest: float,
+    t_end: float,
+    tol: float,
+    kernels: KernelBasis | None = None,
+) -> Modes:
     """Return the `Modes` for time lags from `closest` to `farthest`, to a relative error `tol`.
 
     `t_end` is the largest time lag of kernels given by values. `kernels` are their sums, if they
@@ -119,7 +130,7 @@ def over_step(bank: Bank, variable: Variable, length: float) -> OverStep:
 
 
 @lru_cache(maxsize=_STEPS_MAX)
-def _over_step(rates, kind, variable, length):
+def _over_step(rates: bytes, kind: np.dtype, variable: Variable, length: float) -> OverStep:
     bank = Bank(length * np.frombuffer(rates, kind), np.zeros((0, 0)))
     fastest = float(np.abs(bank.rates).max(initial=0.0))
     key, _, v, weights = rule_of_modes(variable.n, fastest)

@@ -6,6 +6,7 @@ for orders above 1; `above_one` (d,) is true for these components.
 
 from dataclasses import dataclass
 from functools import lru_cache
+from typing import Any
 
 import numpy as np
 from numpy.polynomial.legendre import legder, legint
@@ -49,11 +50,11 @@ class FirstPiece(Piece):
     y: np.ndarray
     p: np.ndarray
 
-    def edges(self):
+    def edges(self) -> np.ndarray:
         """Return the start time of the step, (1,)."""
         return np.array([self.start])
 
-    def evaluate(self, t, above_one, derivative):
+    def evaluate(self, t: np.ndarray, above_one: np.ndarray, derivative: int) -> np.ndarray:
         """Return y, or y' for ``derivative=1``, at times t inside the step, (k, d)."""
         t = np.minimum(np.maximum((t - self.start) / self.length, 0.0), 1.0)
         with np.errstate(divide="ignore"):
@@ -78,13 +79,15 @@ class FirstPiece(Piece):
         speeds[t == 0.0] = self.p
         return np.where(above_one, speeds, slopes)
 
-    def _first_value(self, row):
+    def _first_value(self, row: np.ndarray) -> np.ndarray:
         """Return p at the start of a row (d, n), or next to the start if p jumps there, (d,)."""
         limit = row @ _at_start(self.variable.n)
         moved = np.abs(limit - self.p) > 0.5 * np.abs(row - self.p[:, None]).max(axis=1)
         return np.where(moved, limit, self.p)
 
-    def at_ends(self, ends, chosen, above_one, slopes=True):
+    def at_ends(
+        self, ends: np.ndarray, chosen: Any, above_one: np.ndarray, slopes: bool = True
+    ) -> tuple[np.ndarray, np.ndarray]:
         """Return y and y' at the end of the step, (1, d) each, or (0, d) if it is not `chosen`.
 
         Without `slopes`, y' is NaN if it is not p.
@@ -99,16 +102,16 @@ class FirstPiece(Piece):
             steep = (self.row - self._first_value(self.row)[:, None]) @ weights
         return y[None][chosen], np.where(above_one, p, steep)[None][chosen]
 
-    def _x(self, logs):
+    def _x(self, logs: np.ndarray) -> np.ndarray:
         """Return the argument 2 u - 1 of the polynomials at log(t)."""
         return 2 * np.minimum(self.variable.at(logs), 1.0) - 1
 
-    def _change(self, row, polynomials):
+    def _change(self, row: np.ndarray, polynomials: np.ndarray) -> np.ndarray:
         """Return p minus its start, (k, d), from a row (d, n) and polynomials (k, n + 1)."""
         weights = (polynomials @ through_start(self.variable.n))[:, 1:]
         return weights @ (row - self._first_value(row)[:, None]).T
 
-    def _slopes(self, t):
+    def _slopes(self, t: np.ndarray) -> np.ndarray:
         """Return the slopes of p at times t above 0, in units of 1 / length of the step, (k, d)."""
         n = self.variable.n
         values = legendre_values(self._x(np.log(t)), n - 1).T @ _derivatives(n)
@@ -135,28 +138,35 @@ class PolynomialPieces(Piece):
     rows: np.ndarray
     at_starts: np.ndarray
 
-    def edges(self):
+    def edges(self) -> np.ndarray:
         """Return the start time of each step, (n,)."""
         return self.starts
 
-    def evaluate(self, t, above_one, derivative):
+    def evaluate(self, t: np.ndarray, above_one: np.ndarray, derivative: int) -> np.ndarray:
         """Return y, or y' for ``derivative=1``, at times t inside the steps, (k, d)."""
         return self._at(self._places(t), above_one, derivative)
 
-    def evaluate_both(self, t, above_one, slopes):
+    def evaluate_both(
+        self, t: np.ndarray, above_one: np.ndarray, slopes: bool
+    ) -> tuple[np.ndarray, np.ndarray]:
         """Return y and y' at times t inside the steps, (k, d) each; NaN for y' without `slopes`."""
         places = self._places(t)
         y = self._at(places, above_one, 0)
         return y, self._at(places, above_one, 1) if slopes else np.full_like(y, np.nan)
 
-    def _places(self, t):
+    def _places(self, t: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Return the steps of times t, (k,), their lengths (k, 1), and polynomials at t."""
         i = np.minimum(np.maximum(last_start(self.starts, t), 0), self.starts.size - 1)
         s, h = self.rows.shape[2], self.lengths[i]
         x = 2 * np.minimum(np.maximum((t - self.starts[i]) / h, 0.0), 1.0) - 1
         return i, h[:, None], _legendre(float(x[0]), s) if x.size == 1 else legendre_values(x, s).T
 
-    def _at(self, places, above_one, derivative):
+    def _at(
+        self,
+        places: tuple[np.ndarray, np.ndarray, np.ndarray],
+        above_one: np.ndarray,
+        derivative: int,
+    ) -> np.ndarray:
         """Return y, or y' for ``derivative=1``, (k, d), at times that `_places` has located."""
         i, h, values = places
         if not derivative and above_one.all():
@@ -170,7 +180,7 @@ class PolynomialPieces(Piece):
             return p
         return np.where(above_one, self._positions(i, h, values), p)
 
-    def _weighted(self, i, coefficients):
+    def _weighted(self, i: np.ndarray, coefficients: np.ndarray) -> np.ndarray:
         """Return sums of Legendre coefficients of p in the steps i, (k, d), by weights (k, s + 1).
 
         `coefficients` (k, s + 1) are their factors. p is the polynomial through its values at the
@@ -180,7 +190,7 @@ class PolynomialPieces(Piece):
         found = np.einsum("kdj,kj->kd", self.rows[i], weights[:, 1:])
         return found + self.at_starts[i, 1] * weights[:, :1]
 
-    def _positions(self, i, h, values):
+    def _positions(self, i: np.ndarray, h: np.ndarray, values: np.ndarray) -> np.ndarray:
         """Return y in the steps i, (k, d), from Legendre polynomials at the times, (k, s + 1).
 
         It is the integral of the polynomial through p at the nodes alone, so that y is continuous.
@@ -189,21 +199,23 @@ class PolynomialPieces(Piece):
         weights = values @ (_integrals(s) @ to_legendre(s))
         return self.at_starts[i, 0] + h * np.einsum("kdj,kj->kd", self.rows[i], weights)
 
-    def at_ends(self, ends, chosen, above_one, slopes=True):
+    def at_ends(
+        self, ends: np.ndarray, chosen: Any, above_one: np.ndarray, slopes: bool = True
+    ) -> tuple[np.ndarray, np.ndarray]:
         """Return y and y' at the chosen ends of steps."""
         rows, h = self.rows[chosen], self.lengths[chosen, None]
         p, s, some = rows[:, :, -1], self.rows.shape[2], above_one.any()
         if not slopes and not some:
             return p, np.full(p.shape, np.nan)
         of_start, of_rows, integral = _end_weights(s)
-        slopes = (self.at_starts[chosen, 1] * of_start + rows @ of_rows) / h
+        steep = (self.at_starts[chosen, 1] * of_start + rows @ of_rows) / h
         if not some:
-            return p, slopes
+            return p, steep
         position = self.at_starts[chosen, 0] + h * (rows @ integral)
-        return np.where(above_one, position, p), np.where(above_one, p, slopes)
+        return np.where(above_one, position, p), np.where(above_one, p, steep)
 
 
-def _legendre(x, s):
+def _legendre(x: float, s: int) -> np.ndarray:
     """Return the Legendre polynomials P_0 .. P_s at one point x, (1, s + 1).
 
     For one point this takes a tenth of the time of `legendre_values`.
@@ -215,13 +227,13 @@ def _legendre(x, s):
 
 
 @lru_cache(maxsize=16)
-def _at_start(n):
+def _at_start(n: int) -> np.ndarray:
     """Return the Lagrange polynomials of the n nodes at the start of a step, (n,)."""
     return (-1.0) ** np.arange(n) @ to_legendre(n)
 
 
 @lru_cache(maxsize=16)
-def _end_weights(s):
+def _end_weights(s: int) -> tuple[float, np.ndarray, np.ndarray]:
     """Return the weights of p at the start and at the nodes for the end of a step of length 1.
 
     They give the slope there, a number and (s,), and the integral over the step, (s,).
@@ -231,7 +243,7 @@ def _end_weights(s):
 
 
 @lru_cache(maxsize=16)
-def _derivatives(s):
+def _derivatives(s: int) -> np.ndarray:
     """Return the derivatives of the shifted Legendre polynomials P_0 .. P_s, (s, s + 1).
 
     Column k has the coefficients of the derivative of P_k in terms of P_0 .. P_(s-1).
@@ -240,7 +252,7 @@ def _derivatives(s):
 
 
 @lru_cache(maxsize=16)
-def _integrals(s):
+def _integrals(s: int) -> np.ndarray:
     """Return the integrals from 0 of the shifted Legendre polynomials P_0 .. P_(s-1), (s + 1, s).
 
     Column k has the coefficients of the integral of P_k in terms of P_0 .. P_s.

@@ -22,7 +22,7 @@ _LOOK = (5**0.5 - 1) / 2
 
 
 @lru_cache(maxsize=16)
-def radau_nodes(s):
+def radau_nodes(s: int) -> np.ndarray:
     """Return the right Radau points on (0, 1], zeros of P_s - P_(s-1); the last one is 1."""
     difference = np.zeros(s + 1)
     difference[s], difference[s - 1] = 1.0, -1.0
@@ -36,18 +36,18 @@ def radau_nodes(s):
 
 
 @lru_cache(maxsize=16)
-def to_legendre(s):
+def to_legendre(s: int) -> np.ndarray:
     """Return the matrix from values at the nodes to shifted Legendre coefficients, (s, s)."""
     return _frozen(np.linalg.inv(leg.legvander(2 * radau_nodes(s) - 1, s - 1)))
 
 
 @lru_cache(maxsize=256)
-def radau_integrals(s, a):
+def radau_integrals(s: int, a: float) -> np.ndarray:
     """Return the integrals ``J**a l_j`` of the node polynomials at each node, (s, s)."""
     return _frozen(integrals_of_rows(s, np.full(s, a)))
 
 
-def integrals_of_rows(s, a):
+def integrals_of_rows(s: int, a: np.ndarray) -> np.ndarray:
     """Return the integrals of the node polynomials at the nodes, (..., s, s), with orders a.
 
     a (..., s) has an order in [0, 1] for each node, to which the integral extends.
@@ -56,7 +56,7 @@ def integrals_of_rows(s, a):
     return radau_nodes(s)[:, None] ** a[..., None] * means
 
 
-def _towards(a):
+def _towards(a: np.ndarray) -> np.ndarray:
     """Return the weights, (..., 24), that interpolate from the 24 Chebyshev orders to orders a."""
     orders, barycentric = _chebyshev_orders()
     gaps = a[..., None] - orders
@@ -68,7 +68,7 @@ def _towards(a):
 
 
 @lru_cache(maxsize=1)
-def _chebyshev_orders():
+def _chebyshev_orders() -> tuple[np.ndarray, np.ndarray]:
     """Return the 24 Chebyshev orders in [0, 1], and their weights for barycentric interpolation."""
     k = np.arange(_N_ORDERS)
     orders = (1 - np.cos(np.pi * (k + 0.5) / _N_ORDERS)) / 2
@@ -76,7 +76,7 @@ def _chebyshev_orders():
 
 
 @lru_cache(maxsize=16)
-def _tabulated(s):
+def _tabulated(s: int) -> np.ndarray:
     """Return ``J**a l_j / t**a`` at the nodes t for the 24 Chebyshev orders a, (24, s, s)."""
     nodes = radau_nodes(s)
     orders, _ = _chebyshev_orders()
@@ -85,7 +85,7 @@ def _tabulated(s):
 
 
 @lru_cache(maxsize=256)
-def rule_of(s, orders):
+def rule_of(s: int, orders: tuple[float, ...]) -> Rule:
     """Return the `Rule` of s nodes with fractional integrals of these orders; the last one is 1."""
     singular = integrals_of_rows(s, np.repeat(np.array(orders)[:, None], s, axis=1))
     matrices = radau_nodes(s), singular, to_legendre(s), _slopes(s)
@@ -93,7 +93,7 @@ def rule_of(s, orders):
 
 
 @lru_cache(maxsize=16)
-def _slopes(s):
+def _slopes(s: int) -> np.ndarray:
     """Return the inverse of the integrals of order 1, (s, s).
 
     It maps nodal values of a polynomial that is 0 at the start to its slopes at the nodes.
@@ -101,7 +101,7 @@ def _slopes(s):
     return _frozen(np.linalg.inv(radau_integrals(s, 1.0)))
 
 
-def polynomial_integrals(s, a, ends):
+def polynomial_integrals(s: int, a: float, ends: np.ndarray) -> np.ndarray:
     """Return ``J**a l_j`` at k points `ends` in [0, 1], (k, s), for the node polynomials l_j.
 
     Integration by parts gives
@@ -121,7 +121,7 @@ def polynomial_integrals(s, a, ends):
 
 
 @lru_cache(maxsize=16)
-def shortened_legendre(s):
+def shortened_legendre(s: int) -> np.ndarray:
     """Return matrices from values of q at the nodes c_i to Legendre coefficients of u -> q(c_i u).
 
     The shape is (s, s, s); the first axis is that of node i.
@@ -133,13 +133,13 @@ def shortened_legendre(s):
 
 
 @lru_cache(maxsize=16)
-def through_start(s):
+def through_start(s: int) -> np.ndarray:
     """Return the matrix from values at 0 and the Radau points to shifted Legendre coefficients."""
     points = np.concatenate([[0.0], radau_nodes(s)])
     return _frozen(np.linalg.inv(leg.legvander(2 * points - 1, s)))
 
 
-def check_points_of(s):
+def check_points_of(s: int) -> np.ndarray:
     """Return the points of a step, besides its nodes, at which f is checked, (2 + s,).
 
     The first two enter the error of every step. The others only show forces that steps missed.
@@ -150,7 +150,7 @@ def check_points_of(s):
 
 
 @lru_cache(maxsize=16)
-def check_points(s):
+def check_points(s: int) -> tuple[np.ndarray, ...]:
     """Return points off the nodes, and the integrals and values of the node polynomials there.
 
     Returns
@@ -168,7 +168,7 @@ def check_points(s):
     return tuple(_frozen(np.ascontiguousarray(array)) for array in found)
 
 
-def legendre_values(x, degree):
+def legendre_values(x: np.ndarray, degree: int) -> np.ndarray:
     """Return the Legendre polynomials P_0 .. P_degree at x (n,), shape (degree + 1, n).
 
     They are exact at x = -1 and x = 1.
@@ -183,7 +183,7 @@ def legendre_values(x, degree):
     return values
 
 
-def _frozen(array):
+def _frozen(array: np.ndarray) -> np.ndarray:
     """Return the array, made read-only."""
     array.flags.writeable = False
     return array

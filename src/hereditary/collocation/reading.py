@@ -28,7 +28,8 @@ from ..compiled.functions import mapped
 from ..equation.chain import left_of
 from ..equation.frame import Frame
 from ..equation.system import System
-from ..equation.terms import ConstantOrder, KernelOperator
+from ..equation.terms import ConstantOrder, KernelOperator, Operator
+from ..kernels.memory_kernel import MemoryKernel
 from ..kernels.named_kernels import GammaDensity, TemperedPowerLaw
 from ..stepping.dense import Piece
 from ..support.checks import refuse
@@ -52,22 +53,26 @@ class Plain:
         True for components of y whose first derivative is an unknown.
     """
 
-    def __init__(self, system):
+    _convolved: list[tuple[int, int, MemoryKernel]]
+
+    def __init__(self, system: System) -> None:
         self.system, self.above_one, self._convolved = system, system.above_one, []
 
-    def directions(self, directions):
+    def directions(self, directions: np.ndarray | None) -> np.ndarray | None:
         """Return k directions of initial data of the equation as those of the system, or None."""
         return directions
 
-    def values(self, x, p):
+    def values(self, x: np.ndarray, p: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return y and y', (..., d) each, from values x and slopes p; NaN if y' is no unknown."""
         return x.copy(), np.where(self.above_one, p, np.nan)
 
-    def piece(self, piece):
+    def piece(self, piece: Piece) -> Piece:
         """Return the dense output of y from that of the system."""
         return piece
 
-    def least(self, t_end, error, by_size):
+    def least(
+        self, t_end: float, error: float, by_size: float
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Return sources, least sizes and divisors of components, fields of `Equations`.
 
         The last two are 0 but for the memory of kernels that rise in a run to `t_end`. A step may
@@ -81,11 +86,11 @@ class Plain:
             divisors[source] = _OF_MEMORY * integral
         return sources, least, divisors
 
-    def widened(self, change):
+    def widened(self, change: np.ndarray) -> np.ndarray:
         """Return the change of all components for a change of y or of all arguments of f."""
         return change
 
-    def seen(self, x):
+    def seen(self, x: np.ndarray) -> np.ndarray:
         """Return the arguments of f, y here, from the components x of the system."""
         return x
 
@@ -96,12 +101,12 @@ class Reading(Plain):
     The n components of the larger system begin with the d components of y.
     """
 
-    def __init__(self, system):
+    def __init__(self, system: System) -> None:
         found = reduced(system)
         self.system, self.above_one, self._speeds, self._read, self._copies, self._convolved = found
         self._d, self._n_read = system.n_solved, system.d
 
-    def directions(self, directions):
+    def directions(self, directions: np.ndarray | None) -> np.ndarray | None:
         """Return k directions of initial data of the equation as those of the system, or None."""
         if directions is None:
             return None
@@ -110,16 +115,16 @@ class Reading(Plain):
         wide[self._speeds[self.above_one]] = directions[self._d :]
         return wide
 
-    def values(self, x, p):
+    def values(self, x: np.ndarray, p: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return y and y', (..., d) each, from values x and slopes p; NaN if y' is no unknown."""
         speeds = np.where(self.above_one, x[..., self._speeds], np.nan)
         return x[..., : self._d].copy(), speeds
 
-    def piece(self, piece):
+    def piece(self, piece: Piece) -> Piece:
         """Return the dense output of y from that of the system."""
         return ReadingPiece(piece, self._speeds)
 
-    def widened(self, change):
+    def widened(self, change: np.ndarray) -> np.ndarray:
         """Return the change of all components for a change of y or of all arguments of f."""
         found = np.pad(change[: self._d], (0, self.system.d - self._d))
         for copy, source in self._copies:
@@ -129,7 +134,7 @@ class Reading(Plain):
                 found[place] += change[row] / factor
         return found
 
-    def seen(self, x):
+    def seen(self, x: np.ndarray) -> np.ndarray:
         """Return the arguments of f, y and memory, from the components x (n,) of the system."""
         found = np.zeros(self._n_read)
         for row, place, factor in self._read:
@@ -151,11 +156,11 @@ class ReadingPiece(Piece):
     inner: Piece
     speeds: np.ndarray
 
-    def edges(self):
+    def edges(self) -> np.ndarray:
         """Return the start time of each step."""
         return self.inner.edges()
 
-    def evaluate(self, t, above_one, derivative):
+    def evaluate(self, t: np.ndarray, above_one: np.ndarray, derivative: int) -> np.ndarray:
         """Return y, or y' for ``derivative=1``, at times t inside the steps, (k, d)."""
         shape = len(t), above_one.size
         found = self._columns(t, above_one, derivative)[..., : self.speeds.size].reshape(shape)
@@ -165,7 +170,7 @@ class ReadingPiece(Piece):
             above_one, self._columns(t, above_one, 0)[..., self.speeds].reshape(shape), found
         )
 
-    def _columns(self, t, above_one, derivative):
+    def _columns(self, t: np.ndarray, above_one: np.ndarray, derivative: int) -> np.ndarray:
         """Return all n components at k times, of orbit and stored tangents: (k, columns, n).
 
         Column 0 is the orbit.
@@ -196,7 +201,7 @@ class Reduced(NamedTuple):
     convolved: list[tuple[int, int, Any]]
 
 
-def reduced(system):
+def reduced(system: System) -> Reduced:
     """Return the `Reduced` system, in which components replace the memory that f reads."""
     for operator, _ in system.left:
         if operator.from_zero or operator.varies:
@@ -218,7 +223,7 @@ class _Reduction:
     - `_rows`: row of F_j for each y_j without a derivative.
     """
 
-    def __init__(self, system):
+    def __init__(self, system: System) -> None:
         self._system, d = system, system.n_solved
         self._bare = system.algebraic
         self._leading = _leading_orders(system)
@@ -254,7 +259,7 @@ class _Reduction:
             elif order > 0:
                 self._derive(j, order, None, j)
 
-    def _add(self, start, j, order):
+    def _add(self, start: float, j: int, order: float) -> int:
         """Add a component with the initial value `start`; return its number.
 
         It is the derivative of y_j of this order.
@@ -263,7 +268,7 @@ class _Reduction:
         self._roles.append((j, order))
         return len(self._starts) - 1
 
-    def _derive(self, place, order, origin, j):
+    def _derive(self, place: int, order: float, origin: int | None, j: int) -> None:
         """Add the equation that the derivative of component `place`, of this order, is `origin`.
 
         If `origin` is None, the derivative is D^alpha y_j.
@@ -278,7 +283,7 @@ class _Reduction:
             self._own.append((place, origin, 1.0))
         self._terms.append((ConstantOrder(float(order)), place, coefficient))
 
-    def _place(self, j, operator):
+    def _place(self, j: int, operator: Any) -> int:
         """Return the number of the component that equals an operator applied to y_j."""
         if not operator.constant:
             return self._convolution(j, operator)
@@ -291,7 +296,7 @@ class _Reduction:
                 self._derive(place, leading - gamma, None, j)
         return self._places[j, gamma]
 
-    def _convolution(self, j, operator):
+    def _convolution(self, j: int, operator: KernelOperator) -> int:
         """Return the number of the component m that is a kernel's convolution with y_j or y_j'.
 
         Let w be a component that equals the convolved function. Its row is the balance of m and the
@@ -331,11 +336,11 @@ class _Reduction:
         self._convolved.append((total, carrier, operator.kernel))
         return place
 
-    def _add_own(self, j):
+    def _add_own(self, j: int) -> int:
         """Add a component whose scale is independent of others; return its number."""
         return self._add(0.0, j, -1.0 - len(self._starts))
 
-    def _delayed(self, j, kernel):
+    def _delayed(self, j: int, kernel: Any) -> int:
         """Return the number of the component that is a gamma density's convolution with y_j.
 
         A density of shape n + b is a convolution of the density of shape b and n exponential ones.
@@ -354,7 +359,7 @@ class _Reduction:
             before, factor = place, 1.0
         return before
 
-    def result(self):
+    def result(self) -> Reduced:
         """Return the `Reduced` system."""
         system, d = self._system, self._system.n_solved
         arguments = [(j, j, 1.0) for j in range(d)]
@@ -388,20 +393,20 @@ class _Reduction:
         )
 
 
-def is_read(system):
+def is_read(system: System) -> bool:
     """Return whether a system has memory that further components replace."""
     if system.constant:
         return system.reads
     return system.reads or any(in_stages(operator) for operator, _ in system.left)
 
 
-def in_stages(operator):
+def in_stages(operator: Operator) -> bool:
     """Return whether an operator convolves y with a gamma density of shape 1 or more."""
     kernel = operator.kernel
     return isinstance(kernel, GammaDensity) and kernel.shape >= 1 and operator.derivative == 0
 
 
-def _leading_orders(system):
+def _leading_orders(system: System) -> np.ndarray:
     """Return the highest order of each component, (d,).
 
     For a component with an algebraic row it is the highest order of its derivatives that f reads.

@@ -5,16 +5,21 @@ are stored without weights, and Python fills tables of the weights before each s
 shapes: M modes, s nodes of a step, n_v varying orders.
 """
 
+from __future__ import annotations
+
+from typing import Any
+
 import numpy as np
 from scipy.special import rgamma
 
 from ..compiled.records import record
 from ..equation.orders import OrderFailed
+from ..equation.terms import VaryingOrder
 from ..kernels.exponential_sum import SLOW_NODES, bank_of_all_orders, weights_of_orders
 from .exponential_basis import GridBasis
 from .march import set_times
 from .quadrature import integrals_of_rows, radau_nodes
-from .structures import TABULATED, VaryingOrders
+from .structures import TABULATED, Limits, VaryingOrders
 
 
 class VaryingBasis(GridBasis):
@@ -29,7 +34,7 @@ class VaryingBasis(GridBasis):
         found = _slow_first(weights_of_orders(1 - orders, ratio, self.tol))
         return found * self.closest ** (orders - 1) * rgamma(orders)
 
-    def _down_to(self, closest):
+    def _down_to(self, closest: float) -> VaryingBasis:
         return varying_basis(closest, self.farthest, self.tol)
 
 
@@ -42,7 +47,7 @@ def varying_basis(closest: float, farthest: float, tol: float) -> VaryingBasis:
     return VaryingBasis(closest, farthest, tol, _slow_first(rates) / closest, spacing)
 
 
-def _slow_first(rows):
+def _slow_first(rows: np.ndarray) -> np.ndarray:
     """Return rows with those of the `SLOW_NODES` slowest rates moved from the end to the front.
 
     The rates of the grid then come last, because a refinement adds faster rates after them.
@@ -71,17 +76,17 @@ class OrderTables:
         Weights of the modes with the order at each node.
     """
 
-    def __init__(self, varying, s):
+    def __init__(self, varying: tuple[VaryingOrder, ...], s: int) -> None:
         self._varying, self._nodes = varying, radau_nodes(s)
         self.tabulated = record(TABULATED, start=np.nan, length=np.nan)
         self.integrals = np.zeros((len(varying), s, s))
         self.weights = np.zeros((len(varying), 0, s))
 
-    def clear(self):
+    def clear(self) -> None:
         """Mark the tables as valid for no step."""
         self.tabulated["start"] = self.tabulated["length"] = np.nan
 
-    def compiled(self, of_varying):
+    def compiled(self, of_varying: np.ndarray) -> VaryingOrders:
         """Return the tables as `VaryingOrders` for compiled code.
 
         `of_varying` (M,) is 1 for the modes of varying orders, 0 for others.
@@ -91,7 +96,7 @@ class OrderTables:
             self.weights = np.zeros((len(self.weights), of_varying.size, self._nodes.size))
         return VaryingOrders(self.tabulated, self.integrals, self.weights, of_varying)
 
-    def fill(self, orbit, origin, limits):
+    def fill(self, orbit: Any, origin: float, limits: Limits) -> None:
         """Fill the tables for the requested step; raise `OrderFailed` for an order out of range."""
         t, h = float(self.tabulated["next_start"]), float(self.tabulated["next_length"])
         times = np.empty(self._nodes.size)
