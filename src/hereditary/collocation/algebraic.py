@@ -10,6 +10,7 @@ Letters of shapes: k algebraic rows; d arguments of f, the components of y and t
 import numpy as np
 
 from ..compiled.jacobian import LEAST
+from ..equation.system import System
 from ..stepping.status import SolveWarning
 from ..support.checks import refuse
 from ..support.warning import warn
@@ -32,7 +33,7 @@ _BESIDE = 0.01
 _NEGLIGIBLE_COEFFICIENT_RATIO = 1e-15
 
 
-def _unknowns(system):
+def _unknowns(system: System) -> tuple[np.ndarray, np.ndarray]:
     """Return the numbers of the algebraic rows and of their unknowns, (k,) each.
 
     The number of an unknown is its index among the arguments of f: y, then memory.
@@ -47,20 +48,24 @@ def _unknowns(system):
     return rows, columns
 
 
-def _jacobian(system, t, x, rows):
+def _jacobian(system: System, t: float, x: np.ndarray, rows: np.ndarray) -> np.ndarray:
     """Return the given rows of the Jacobian of f at x (d,), as a dense matrix (k, d)."""
     found = system.derivative(t, x)
     return (found if system.structure is None else found.toarray())[rows]
 
 
-def _residual(system, t, x, rows, rtol):
+def _residual(
+    system: System, t: float, x: np.ndarray, rows: np.ndarray, rtol: float
+) -> tuple[np.ndarray, np.ndarray]:
     """Return f in the given rows, and the error of f if x errs by rtol |x|, (k,) each."""
     with np.errstate(all="ignore"):
         noise = rtol * (np.abs(_jacobian(system, t, x, rows)) @ np.abs(x))
     return system.rhs(t, x)[rows], noise + LEAST
 
 
-def _solve(system, t, x, rows, columns):
+def _solve(
+    system: System, t: float, x: np.ndarray, rows: np.ndarray, columns: np.ndarray
+) -> np.ndarray | None:
     """Return the arguments of f, x (d,), with unknowns that solve the rows by Newton's method.
 
     `columns` are the indices of the unknowns in x. Returns None if the method does not converge.
@@ -79,7 +84,7 @@ def _solve(system, t, x, rows, columns):
     return None
 
 
-def _regular(matrix):
+def _regular(matrix: np.ndarray) -> bool:
     """Return whether a matrix is regular; the units of its rows do not matter."""
     sizes = np.abs(matrix).max(axis=1, keepdims=True)
     return bool(np.all(sizes > 0)) and np.linalg.matrix_rank(matrix / sizes, _RANK_TOL) == len(
@@ -87,7 +92,7 @@ def _regular(matrix):
     )
 
 
-def check_start(system, rtol, atol):
+def check_start(system: System, rtol: float, atol: float | tuple[float, ...] | None) -> None:
     """Refuse algebraic rows that do not determine their unknowns, or that y(0) contradicts.
 
     Warn if initial values contradict a row whose coefficients are next to 0.
@@ -128,7 +133,7 @@ def check_start(system, rtol, atol):
     refuse("y0", required, got, "" if pairs == 2 else remedy)
 
 
-def _name_tiny(system, rtol):
+def _name_tiny(system: System, rtol: float) -> None:
     """Warn of a row with coefficients next to 0 that the initial values do not satisfy."""
     d, x, t = system.n_solved, system.at_start, system.beside(0.0, 1)
     largest = np.max([np.abs(coefficients[:d]) for _, coefficients in system.left], axis=0)
@@ -147,7 +152,9 @@ def _name_tiny(system, rtol):
         )
 
 
-def _check_index(system, t, x, rows, columns):
+def _check_index(
+    system: System, t: float, x: np.ndarray, rows: np.ndarray, columns: np.ndarray
+) -> None:
     """Refuse rows that cannot be solved for their unknowns, neither at y(0) nor close to it."""
     random = np.random.default_rng(0)
     for distance in (0.0, _BESIDE):
@@ -163,7 +170,7 @@ def _check_index(system, t, x, rows, columns):
     refuse("rhs", required, got, "differentiate these rows, and state what follows")
 
 
-def settled(system, t, x):
+def settled(system: System, t: float, x: np.ndarray) -> np.ndarray:
     """Return the arguments of f, x (d,), with consistent unknowns of the algebraic rows.
 
     If Newton's method does not converge, x is returned as it is. The next step then solves for the
@@ -173,7 +180,7 @@ def settled(system, t, x):
     return x if found is None else found
 
 
-def became_singular(system, t, x):
+def became_singular(system: System, t: float, x: np.ndarray) -> bool:
     """Return whether the rows hardly determine their unknowns at x (d,), as they do at the start.
 
     The columns of the Jacobian are multiplied by the largest components at both times, and its rows
@@ -193,7 +200,7 @@ def became_singular(system, t, x):
     return bool(least[1] < _MIN_SINGULAR_VALUE_RATIO * least[0])
 
 
-def settle_tangents(system, values):
+def settle_tangents(system: System, values: np.ndarray) -> None:
     """Change initial tangents so that they satisfy the linearised algebraic rows.
 
     `values` (1 + k, m, d) are the initial values of the orbit and of k tangents, changed in place.
@@ -212,7 +219,7 @@ def settle_tangents(system, values):
     tangents[:, bare] = -np.linalg.solve(rows[:, bare], forces.T).T
 
 
-def derivatives_at_start(system):
+def derivatives_at_start(system: System) -> dict[int, float]:
     """Return the derivatives that algebraic rows determine at the start: {component: value}.
 
     They are the unknowns of rows whose f reads derivatives of the row's component.

@@ -8,12 +8,15 @@ sign nowhere, and has a small relative error at each node.
 Letters of shapes as in newton.py: d components, s nodes.
 """
 
+from typing import Any
+
 import numpy as np
 
 from ..compiled.functions import set_force
 from ..compiled.jacobian import LEAST, magnitudes
 from ..compiled.jit import inner
 from ..compiled.linalg import solve_in_place
+from ..equation.system import System
 from .newton import factorise_newton, forces, positions, residuals, solve_newton
 from .operators import FORCE, POSITION, PRIMARY
 from .structures import LENGTH
@@ -42,7 +45,9 @@ _INFINITE_SLOPE_RATIO = 2.0
 _JUMP_CHANGE_RATIO = 0.5
 
 
-def begins_at_edge(system, t, y, units, jacobian):
+def begins_at_edge(
+    system: System, t: float, y: np.ndarray, units: np.ndarray, jacobian: Any
+) -> bool:
     """Return whether f is small at y, and its slope by a component that is 0 is infinite.
 
     f is small if it is less than its changes over increments of y (d,). `units` (d,) are the sizes

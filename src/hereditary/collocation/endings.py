@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from ..equation.system import System
 from ..stepping.status import NOT_FINITE, Ending, Status
 from .march import CRAWLING, JUMPING, NEWTON_FAILED
 from .operators import POSITION, PRIMARY
@@ -45,7 +46,15 @@ SINGULAR_ROWS = Ending(
 )
 
 
-def ending(status, system, t, h, rejected, last, peak):
+def ending(
+    status: int,
+    system: System,
+    t: float,
+    h: float,
+    rejected: float,
+    last: np.ndarray,
+    peak: np.ndarray,
+) -> Ending:
     """Return the reason why a march with this status code cannot go on from time t.
 
     `last` (3 or 4, d, s) are f, p and y at the nodes of the last step, of length h. The next step
@@ -72,7 +81,7 @@ def ending(status, system, t, h, rejected, last, peak):
     )
 
 
-def _forces_ahead(system, t, h, y):
+def _forces_ahead(system: System, t: float, h: float, y: np.ndarray) -> np.ndarray:
     """Return f at predictions of y beyond the last step, (n, d); y (d, s) are its values there.
 
     The predictions are extrapolated linearly from the first and the last node of the step, of
@@ -82,7 +91,7 @@ def _forces_ahead(system, t, h, y):
     return np.array([system.rhs(*point) for point in ahead])
 
 
-def of_near_orders(gap):
+def of_near_orders(gap: float) -> Ending:
     """Return the reason why no first step was found, for an equation with two orders so close."""
     why = (
         f"an order is {gap:.1g} from another one or from an integer, so that the solution bends "
@@ -91,17 +100,17 @@ def of_near_orders(gap):
     return TOO_STEEP._replace(detail=f"{_STEPS_END_IN_ROUNDING}; {why}")
 
 
-def after_steps(n_steps):
+def after_steps(n_steps: int) -> Ending:
     """Return the reason why a march ends that has made the largest number of steps."""
     return Ending(Status.MAX_STEPS, f"{n_steps} in all; {_CORNERS}")
 
 
-def of_small_component(number):
+def of_small_component(number: int) -> str:
     """Return a clause on a component far below the others, whose error ended a march."""
     return f"component {number} is below a millionth of the largest, may be rounding: give atol="
 
 
-def leaves_domain(system, t, y, move):
+def leaves_domain(system: System, t: float, y: np.ndarray, move: np.ndarray) -> bool:
     """Return whether f is infinite or NaN at all test points between y and y + move, (d,) each."""
     points = [y + share * move for share in _SHARES]
     ahead = [system.rhs(t, point) for point in points if np.any(point != y)]

@@ -8,7 +8,10 @@ k tangents.
 
 import numpy as np
 
+from ..equation.system import System
+from .equations import Form
 from .operators import ITSELF, PRIMARY, SLOPE
+from .orbit import OrbitAndTangents
 
 # Time lag at which a bounded kernel K is evaluated in place of K(0).
 _LAG_NEXT_TO_0 = 1e-300
@@ -18,7 +21,7 @@ _JUMP_NEWTON_MAXITER = 100
 _JUMP_NEWTON_RTOL = 1e-14
 
 
-def jump(system, form, orbit, t, counts):
+def jump(system: System, form: Form, orbit: OrbitAndTangents, t: float, counts: np.void) -> bool:
     """Solve for the jump of p at time t after which the equation holds, and apply it to the orbit.
 
     Just before t > 0 the terms of the equation equal the right-hand side. At t = 0 they consist of
@@ -46,7 +49,9 @@ def jump(system, form, orbit, t, counts):
     return False
 
 
-def _forces(system, t, x, counts):
+def _forces(
+    system: System, t: float, x: np.ndarray, counts: np.void
+) -> tuple[np.ndarray, np.ndarray]:
     """Return f for the orbit and its linearisation for k tangents, (1 + k, d), and the Jacobian.
 
     x (1 + k, d) is y of the orbit and of its tangents.
@@ -59,7 +64,7 @@ def _forces(system, t, x, counts):
     return forces, jacobian
 
 
-def _stiffness(form):
+def _stiffness(form: Form) -> np.ndarray:
     """Return ``sum_k c_k K_k(0)`` over the terms with p', (d,); infinite for singular kernels."""
     d, n_a = form.above_one.size, form.orders.size
     total = np.zeros(d)
@@ -74,7 +79,7 @@ def _stiffness(form):
     return total
 
 
-def _coefficients_of_p(form):
+def _coefficients_of_p(form: Form) -> np.ndarray:
     """Return the sum of the coefficients of terms that are p itself, (d,)."""
     d = form.above_one.size
     total = np.zeros(d)

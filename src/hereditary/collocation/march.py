@@ -7,6 +7,7 @@ subtracted from its f. The primary unknown p is y, or y' for orders above 1. `m`
 """
 
 from functools import lru_cache
+from typing import Any
 
 import numpy as np
 
@@ -45,6 +46,7 @@ from .structures import (
     READ_VARYING_SIG,
     TANGENTS_SIG,
     AdaptiveMarch,
+    AdaptiveWork,
     FirstJacobian,
 )
 from .tolerances import SMALL, raise_small, raise_to_least, set_newton_tol
@@ -300,7 +302,7 @@ def no_tangents(m, h, table_index):
     return 0.0
 
 
-def march_of(work):
+def march_of(work: AdaptiveWork) -> AdaptiveMarch:
     """Return the `AdaptiveMarch` of an `AdaptiveWork`, with the functions that its arrays need.
 
     Functions for tangents, varying orders and general kernels do nothing if there are none.
@@ -310,7 +312,7 @@ def march_of(work):
 
 
 @lru_cache(maxsize=8)
-def _functions(has_tangents, varies, has_kernels):
+def _functions(has_tangents: bool, varies: bool, has_kernels: bool) -> tuple[Any, Any, Any]:
     tangents = solve_for_tangents if has_tangents else no_tangents
     reading = read_varying if varies else read_nothing
     filling = fill_kernels if has_kernels else fill_nothing

@@ -17,6 +17,7 @@ import numpy as np
 from ..compiled.jit import checked, inner, plug_in
 from ..compiled.linalg import add_rows, clear, clear_matrix, multiply_modes, put
 from ..support.spares import Spares
+from .equations import Form
 from .operators import first_of_kind, number_of
 from .structures import ModeWeights, StepTables
 
@@ -41,7 +42,7 @@ _SMALL_BESSEL_ARGUMENT = 1e-8
 _SEED = 1e-200 + 0j
 
 
-def empty_weights(form, modes, offsets, s):
+def empty_weights(form: Form, modes: tuple[int, ...], offsets: bool, s: int) -> ModeWeights:
     """Return uninitialised `ModeWeights` for modes of the shape (1 + k, R, M) and s nodes.
 
     If all offsets are 0, `offsets` is false, and the array of their weights has no rows.
@@ -55,7 +56,7 @@ def empty_weights(form, modes, offsets, s):
     )  # fmt: skip
 
 
-def empty_tables(n_modes, s, n_kernels):
+def empty_tables(n_modes: int, s: int, n_kernels: int) -> StepTables:
     """Return `StepTables` without the factors of any length, for s nodes and n_kernels kernels."""
     shapes = (
         (N_TABLE_LENGTHS, n_modes, s),

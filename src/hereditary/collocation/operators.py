@@ -191,7 +191,7 @@ def subtract_from_forces(kinds, matrices, known, values):
                 subtract_matvec(matrices[n_kinds + kinds[c], q], values[column, q, c], force)
 
 
-def empty_operators(n_columns, n_rows, kinds, s):
+def empty_operators(n_columns: int, n_rows: int, kinds: np.ndarray, s: int) -> Operators:
     """Return uninitialised `Operators` for n_columns = 1 + k, n_rows = R, and a rule of s nodes."""
     n_kinds = n_rows // kinds.size * (int(kinds.max()) + 1)
     matrices = n_kinds, 3, s, s

@@ -12,17 +12,20 @@ above 1. Row c < d is p of component c, row d + c the terms subtracted from its 
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import numpy as np
 from scipy.special import rgamma
 
 from ..compiled.jit import checked
 from ..compiled.linalg import product
-from ..kernels.memory_kernel import NO_ERRORS
+from ..equation.system import System
+from ..kernels.memory_kernel import NO_ERRORS, KernelErrors, MemoryKernel
 from ..kernels.mode_bank import damping
-from .exponential_basis import kernel_basis
+from .equations import Form
+from .exponential_basis import KernelBasis, kernel_basis
 from .first_rule import LEFT_OUT, NEXT_TO_0, Variable, at_rule, graded_rule
-from .modes import joined, no_modes, opened, opened_once, over_step
+from .modes import Modes, joined, no_modes, opened, opened_once, over_step
 from .operators import ITSELF, SLOPE
 from .structures import Equations, OrbitArrays
 
@@ -57,7 +60,11 @@ class OrbitAndTangents:
         of_varying are attributes of the orbit as well.
     """
 
-    def __init__(self, form, y0, n_nodes):
+    _singular: tuple[Variable, np.ndarray] | None
+    _prefitted: tuple[float, KernelBasis] | None
+    _equations: tuple[System, Equations, bool] | None
+
+    def __init__(self, form: Form, y0: np.ndarray, n_nodes: int) -> None:
         self._form = form
         n_columns, _, d = y0.shape
         self.x = y0[:, 0].copy()
@@ -73,7 +80,7 @@ class OrbitAndTangents:
         self._equations = None
         self._take(no_modes(form, n_nodes))
 
-    def _of_terms(self, constants):
+    def _of_terms(self, constants: np.ndarray) -> np.ndarray:
         """Return the constant subtracted from the integrand of each term, (1 + k, n).
 
         `constants` (3, 1 + k, d) has the candidates 0, p(0) and y(0) for each component.
@@ -82,16 +89,16 @@ class OrbitAndTangents:
         return np.ascontiguousarray(constants[self._form.offset_of, :, components].T)
 
     @property
-    def farthest(self):
+    def farthest(self) -> float:
         """Largest time lag at which all modes are accurate; 0 before the first fit."""
         return min(self.power_laws.farthest, self.kernels.farthest)
 
     @property
-    def closest(self):
+    def closest(self) -> float:
         """Smallest time lag at which all modes are accurate."""
         return max(self.power_laws.closest, self.varying.closest)
 
-    def __getstate__(self):
+    def __getstate__(self) -> dict[str, Any]:
         """Return the attributes for pickling.
 
         The form is left out because its functions may not pickle, and what `adopt` makes again.
@@ -99,23 +106,25 @@ class OrbitAndTangents:
         left_out = ("sums", "bank", "weights", "masses", "of_varying", "_form", "_equations")
         return {name: value for name, value in vars(self).items() if name not in left_out}
 
-    def adopt(self, form):
+    def adopt(self, form: Form) -> None:
         """Attach the form, which a pickled orbit does not contain."""
         self._form, self._equations = form, None
         self._join(self.power_laws, self.kernels, self.varying)
 
-    def _join(self, *sums):
+    def _join(self, *sums: Any) -> None:
         """Take sums of power laws, general kernels and varying orders as the modes."""
         self._take(joined(self._form, self.last.shape[3], *sums))
 
-    def _take(self, sums):
+    def _take(self, sums: Modes) -> None:
         """Take these `Modes`."""
         self.sums = sums
         self.power_laws, self.kernels, self.varying = sums.power_laws, sums.kernels, sums.varying
         self.bank, self.weights, self.masses = sums.bank, sums.weights, sums.masses
         self.of_varying = sums.of_varying
 
-    def equations(self, system, least):
+    def equations(
+        self, system: System, least: tuple[np.ndarray, np.ndarray, np.ndarray]
+    ) -> tuple[Equations, bool]:
         """Return the integral equations of the system as `Equations`, and if any offset is not 0.
 
         `least` has the fields `sources`, `least` and `divisors` of `Equations`. The equations are
@@ -131,26 +140,28 @@ class OrbitAndTangents:
             self._equations = known = system, checked(found), bool(self.offsets.any())
         return known[1:]
 
-    def march_arrays(self):
+    def march_arrays(self) -> OrbitArrays:
         """Return the arrays as `OrbitArrays`; compiled code changes them in place."""
         return OrbitArrays(self.initial, self.x, self.p, self.modes, self.before, self.last)
 
-    def linear_arrays(self):
+    def linear_arrays(self) -> list[np.ndarray]:
         """Return all arrays whose entries are linear in the solution, for orbit and tangents."""
         present = [self.x, self.p, self.initial, self.offsets]
         found = [*present, self.modes, self.before, self.last]
         return found if self._singular is None else [*found, self._singular[1]]
 
-    def transform(self, matrix):
+    def transform(self, matrix: np.ndarray) -> None:
         """Replace the tangents by linear combinations, ``tangent <- tangent @ matrix``."""
         for array in self.linear_arrays():
             array[1:] = np.tensordot(matrix.T, array[1:], axes=1)
 
-    def record_step(self, length):
+    def record_step(self, length: float) -> None:
         """Record the length of the last step, an ordinary one."""
         self.last_length, self._singular, self._last_offsets = length, None, self.offsets
 
-    def prefit_kernels(self, closest, farthest, t_end, tol):
+    def prefit_kernels(
+        self, closest: float, farthest: float, t_end: float, tol: float
+    ) -> KernelErrors:
         """Fit all general kernels before the run if any is given by values; return the errors.
 
         The arguments are those of `open_modes`. Without such a kernel, nothing is fitted.
@@ -162,7 +173,7 @@ class OrbitAndTangents:
         self._prefitted = closest, found
         return found.errors
 
-    def open_modes(self, closest, farthest, t_end, tol):
+    def open_modes(self, closest: float, farthest: float, t_end: float, tol: float) -> None:
         """Fit all kernels for time lags `closest` to `farthest`; set the modes to those at t = 0.
 
         `t_end` is the largest time lag of kernels given by values, and `tol` the relative error.
@@ -176,20 +187,20 @@ class OrbitAndTangents:
             self._take(opened(*how, kernels))
         self._clear_modes()
 
-    def _clear_modes(self):
+    def _clear_modes(self) -> None:
         """Set all modes to their values at t = 0."""
         self.modes = np.zeros((self.x.shape[0], self._n_rows, self.of_varying.size))
         self._take_start(slice(None))
         self.before = self.modes.copy()
 
-    def _take_start(self, modes):
+    def _take_start(self, modes: slice | np.ndarray) -> None:
         """Add y(0) of Riemann-Liouville terms to the modes with these indices, as a jump from 0."""
         d, unweighted = self.x.shape[1], self._form.unweighted.tolist()
         for q, c in self._form.from_zero:
             row = (2 + unweighted.index(q)) * d + c
             self.modes[:, row, modes] += np.multiply.outer(self.x[:, c], self.of_varying[modes])
 
-    def finish_singular_start(self, variable, length, values):
+    def finish_singular_start(self, variable: Variable, length: float, values: np.ndarray) -> None:
         """Advance the modes to the end of the first step after a singular start.
 
         `values` (1 + k, 3, d, n) are f, p and y at the n nodes of this step, `length` its length.
@@ -204,7 +215,7 @@ class OrbitAndTangents:
         self.before = self.modes
         self.modes = self._advanced(self.before)
 
-    def shift(self, change):
+    def shift(self, change: np.ndarray) -> None:
         """Add `change` (d,) to y of the orbit, and to p(0) and y(0), to which the memory refers.
 
         Changing these as well keeps the jump out of the memory.
@@ -217,7 +228,7 @@ class OrbitAndTangents:
         self.offsets = self.offsets.copy()
         self.offsets[0] += self._of_terms(constants)[0]
 
-    def jump_to(self, p, x):
+    def jump_to(self, p: np.ndarray, x: np.ndarray) -> None:
         """Set p and x (= y), (1 + k, d), after a jump; the modes of terms with p' get the jump."""
         d = x.shape[1]
         for c, q, k, coefficient in self._form.listed:
@@ -225,7 +236,7 @@ class OrbitAndTangents:
                 self.modes[:, c] += coefficient * self.weights[k] * (p - self.p)[:, c % d, None]
         self.p, self.x = p, x
 
-    def refine(self, closest):
+    def refine(self, closest: float) -> None:
         """Refine the modes down to the time lag `closest`.
 
         The added modes decay so fast that they contain only the last step.
@@ -247,7 +258,7 @@ class OrbitAndTangents:
         else:
             self.modes[..., added] = self._advanced(np.zeros_like(self.modes))[..., added]
 
-    def history(self, log_distances):
+    def history(self, log_distances: np.ndarray) -> np.ndarray:
         """Return the history of every row at n later times, (1 + k, R, n), without p(0).
 
         `log_distances` (n,) are the logarithms of the times after the present. The times themselves
@@ -273,7 +284,9 @@ class OrbitAndTangents:
             base[:, c] += coefficient * part
         return base
 
-    def _over_last_step(self, k, log_u, v):
+    def _over_last_step(
+        self, k: int, log_u: np.ndarray, v: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray]:
         """Return the kernel of order or kernel number k at lags u + v, (n, K), in last steps.
 
         Also returns its integrals from u to u + `LEFT_OUT`, (n,). Both are multiplied by the length
@@ -290,31 +303,31 @@ class OrbitAndTangents:
         integrals = kernel.integral(np.maximum(h * ends, NEXT_TO_0))
         return h * kernel(np.maximum(h * lags, NEXT_TO_0)), integrals[0] - integrals[1]
 
-    def kernel(self, k):
+    def kernel(self, k: int) -> MemoryKernel:
         """Return general kernel number k, or the sum that replaces it if it is measured."""
         kernel, sums = self._form.kernels[k], self.kernels.sums
         if not sums and self._prefitted:
             sums = self._prefitted[1].sums
         return sums[k] if kernel.measured and sums else kernel
 
-    def _ends(self, q):
+    def _ends(self, q: int) -> np.ndarray:
         """Return integrand number q at the end of the last step, (1 + k, d)."""
         values = self.last if self._singular is None else self._singular[1]
         return values[:, q, :, -1]
 
-    def _integrands(self):
+    def _integrands(self) -> np.ndarray:
         """Return the last step's integrands at n points of `graded_rule`, (1 + k, n_q, d, n)."""
         variable, values = self._nodal()
         return values @ at_rule(variable).T
 
-    def _nodal(self):
+    def _nodal(self) -> tuple[Variable, np.ndarray]:
         """Return the variable of the last step, which is time itself for an ordinary step.
 
         Also returns its integrands at the s nodes, (1 + k, n_q, d, s).
         """
         return self._singular or (Variable(n=self.last.shape[-1]), self.last)
 
-    def _advanced(self, modes):
+    def _advanced(self, modes: np.ndarray) -> np.ndarray:
         """Return the modes at the end of the last step, from those at its start, (1 + k, R, M)."""
         bank, d = self.bank, self.x.shape[1]
         variable, values = self._nodal()
@@ -333,7 +346,7 @@ class OrbitAndTangents:
         return bank.real_modes(advanced)
 
 
-def _integrals(values, sampled, decays):
+def _integrals(values: np.ndarray, sampled: np.ndarray, decays: np.ndarray) -> np.ndarray:
     """Return the integrals of integrands times exponentials by a rule of K points.
 
     The result is (1 + k, n_q, d, M) for M modes. `values` (1 + k, n_q, d, n) are the integrands at
@@ -353,12 +366,14 @@ def _integrals(values, sampled, decays):
     return found.reshape(*values.shape[:-1], -1)
 
 
-def _round_to_decades(closest, farthest):
+def _round_to_decades(closest: float, farthest: float) -> float:
     """Return the largest ``farthest / 10**k`` up to `closest`, so that similar runs share fits."""
     return farthest / 10.0 ** math.ceil(math.log10(max(farthest / closest, 10.0)))
 
 
-def initial_unknowns(system, above_one, directions):
+def initial_unknowns(
+    system: System, above_one: np.ndarray, directions: np.ndarray | None
+) -> np.ndarray:
     """Return y(0), and y'(0) if m = 2, of the orbit and of k tangents, shape (1 + k, m, d).
 
     Each column of `directions` (n_data, k) is the direction of one tangent. Its entries are changes

@@ -5,15 +5,19 @@ start are sums of generators.
 """
 
 import math
+from collections.abc import Iterator
 from functools import lru_cache
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from ..compiled.linalg import eigenvalues
+from ..equation.system import System
 from .edge import begins_at_edge
+from .equations import Form
 from .first_rule import Variable
 from .operators import FORCE, PRIMARY
+from .orbit import OrbitAndTangents
 from .stage_solver import has_stages
 
 # Ratio of the next trial length to the length of a rejected trial step.
@@ -56,7 +60,17 @@ class Trial(NamedTuple):
     at_edge: bool = False
 
 
-def trials(system, form, orbit, t, left, longest, least, jacobian, units):
+def trials(
+    system: System,
+    form: Form,
+    orbit: OrbitAndTangents,
+    t: float,
+    left: float,
+    longest: float,
+    least: float,
+    jacobian: Any,
+    units: np.ndarray,
+) -> Iterator[Trial]:
     """Yield the `Trial` steps from t, until one is accepted.
 
     Parameters
@@ -95,7 +109,7 @@ def trials(system, form, orbit, t, left, longest, least, jacobian, units):
 
 
 @lru_cache(maxsize=64)
-def _plain(form):
+def _plain(form: Form) -> tuple[float, list[tuple[tuple[float, ...], Variable, float]]]:
     """Return the order of a form, and (generators, variable, rate of terms) of plain trials."""
     # a power with an exponent next to 0 is nearly constant compared with other powers
     others = tuple(g for g in form.generators if g >= VANISHING)
@@ -104,7 +118,7 @@ def _plain(form):
     return _order(form), variables
 
 
-def _trials_at_edge(system, form, most, *at):
+def _trials_at_edge(system: System, form: Form, most: float, *at: Any) -> Iterator[Trial]:
     """Yield the trial steps from an edge, or none if there is none; `at` as in `begins_at_edge`.
 
     There the exponents of time are those of the balance of f, which are not known.
@@ -118,7 +132,7 @@ def _trials_at_edge(system, form, most, *at):
             yield Trial(most * _TRIAL_LENGTH_RATIO**k, variable, True)
 
 
-def _decay_rates(jacobian):
+def _decay_rates(jacobian: Any) -> np.ndarray:
     """Return the |eigenvalues| of a Jacobian that are at least 1, ascending."""
     if not np.isfinite(abs(jacobian).sum()):
         return np.zeros(0)
@@ -126,12 +140,12 @@ def _decay_rates(jacobian):
     return np.sort(rates[(rates >= 1) & (rates < np.inf)])
 
 
-def _bent(generators, c):
+def _bent(generators: tuple[float, ...], c: float) -> Variable:
     """Return the variable that is bent by about c, the nearest power of 2."""
     return Variable.of(generators, 2.0 ** round(math.log2(c)))
 
 
-def _rate_of_terms(form, exponent):
+def _rate_of_terms(form: Form, exponent: float) -> float:
     """Return the rate of terms that are integrals of p of this small order; 0 if there are none.
 
     With orders 1.00001 and 1, y' is nearly y'(0) / (1 + c t**1e-5). The rate is the ratio c of the
@@ -148,7 +162,7 @@ def _rate_of_terms(form, exponent):
     )
 
 
-def _order(form):
+def _order(form: Form) -> float:
     """Return the smallest order by which f is integrated, at least 0.1.
 
     Smaller orders do not give useful lengths of steps.
@@ -158,7 +172,9 @@ def _order(form):
     return max(float(orders.min(initial=1.0)), 0.1)
 
 
-def _rate(system, form, orbit, jacobian, just_after):
+def _rate(
+    system: System, form: Form, orbit: OrbitAndTangents, jacobian: Any, just_after: float
+) -> float:
     """Return an estimate of the rate at which the solution changes just after the start.
 
     For few components it is the largest row sum of sqrt(|J_ij J_ji|), where J is the Jacobian of f.

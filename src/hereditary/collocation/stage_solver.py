@@ -14,6 +14,8 @@ from ..compiled.jacobian import FEW
 from ..compiled.jit import as_value, checked
 from ..compiled.linalg import address_of_factors
 from ..compiled.sparse_solvers import SparseFactors
+from ..equation.jacobian_structure import Structure
+from .equations import Form
 from .stages import (
     banded_stages,
     dense_stages,
@@ -43,7 +45,7 @@ class StageSolver(NamedTuple):
     held: Any = None
 
 
-def has_stages(form):
+def has_stages(form: Form) -> bool:
     """Return whether steps of these equations reuse the factors of one Jacobian for all stages.
 
     They do so for many components. For few components a factorisation takes no longer than a
@@ -52,7 +54,9 @@ def has_stages(form):
     return form.above_one.size > FEW
 
 
-def stage_solver(structure, form, s, at_edge=False):
+def stage_solver(
+    structure: Structure | None, form: Form, s: int, at_edge: bool = False
+) -> StageSolver:
     """Return the `StageSolver` of steps with s nodes, for the equations `form`.
 
     A step from an edge, `at_edge`, has a dense Jacobian at each node; `structure` is None then.
@@ -93,7 +97,7 @@ def stage_solver(structure, form, s, at_edge=False):
     )
 
 
-def _joint_solver(structure, form, s, few):
+def _joint_solver(structure: Structure | None, form: Form, s: int, few: bool) -> StageSolver:
     """Return the `StageSolver` for few components, or for components with different terms.
 
     If components are few, each node has a Jacobian. There is a single system of all d s unknowns.
@@ -140,7 +144,9 @@ def _joint_solver(structure, form, s, few):
     )
 
 
-def _solver(function, form, s, held=None, *, order, **given):
+def _solver(
+    function: Any, form: Form, s: int, held: Any = None, *, order: np.ndarray, **given: Any
+) -> StageSolver:
     """Return a `StageSolver` of a compiled function, whose `Stages` has the given fields.
 
     Optional fields that are not given are empty arrays or 0.

@@ -16,6 +16,7 @@ components are solved directly as well, with a Jacobian at each node if Newton's
 """
 
 import math
+from typing import Any
 
 import numpy as np
 
@@ -529,7 +530,7 @@ def joint_dense(task, values, stage):
     return 0
 
 
-def joint_stages(name, solver):
+def joint_stages(name: str, solver: Any) -> Any:
     """Return a compiled function that solves the single system of all stages by `solver`.
 
     `solver` is one for banded or sparse matrices, and `name` is the name of the new function.

@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from ..equation.system import System
 from .structures import Limits
 
 # Default of the largest number of steps of a run.
@@ -39,19 +40,25 @@ class StepLimits:
         Number of the last step allowed, counted from t = 0.
     """
 
-    def __init__(self, max_step, max_steps):
+    def __init__(self, max_step: float | None, max_steps: int) -> None:
         self._max_step, self._max_steps = max_step or np.inf, max_steps
         self.longest, self.last_step = (0.0, 0.0), 0
         self._slow: list[float] = []
         self._t_end = np.inf
 
-    def begin(self, t, t_end, n_steps):
+    def begin(self, t: float, t_end: float, n_steps: int) -> None:
         """Set the limits of a run from t to t_end, if `n_steps` steps were accepted before t."""
         longest, self._t_end = min(self._max_step, t_end - t), t_end
         self.longest = longest, min(longest, _DORMANT * (t_end - t))
         self.last_step = n_steps + self._max_steps
 
-    def limits(self, system, origin, t_stop, tolerances):
+    def limits(
+        self,
+        system: System,
+        origin: float,
+        t_stop: float,
+        tolerances: tuple[float, np.ndarray, float],
+    ) -> Limits:
         """Return the `Limits` of a march from `origin` to `t_stop`, with tolerances `Allowed`."""
         (longest, idle), (rtol, atol, by_size) = self.longest, tolerances
         return Limits(
@@ -59,11 +66,20 @@ class StepLimits:
             rtol, atol, by_size, self._t_end,
         )  # fmt: skip
 
-    def used_up(self, n_steps):
+    def used_up(self, n_steps: int) -> bool:
         """Return whether a run has made all the steps that are allowed."""
         return n_steps >= self.last_step
 
-    def is_stalled(self, since, earlier, t, counts, t_stop, at_starts, sizes):
+    def is_stalled(
+        self,
+        since: float,
+        earlier: np.void,
+        t: float,
+        counts: np.void,
+        t_stop: float,
+        at_starts: np.ndarray,
+        sizes: np.ndarray,
+    ) -> bool:
         """Return whether steps stay short although the solution hardly changes.
 
         Parameters

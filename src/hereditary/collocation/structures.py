@@ -245,7 +245,7 @@ class Steps(NamedTuple):
     errors: Vector
 
 
-def empty_steps(n, d, s):
+def empty_steps(n: int, d: int, s: int) -> Steps:
     """Return uninitialised `Steps` for n steps of d components with s nodes."""
     starts, lengths, errors = np.empty((3, n))
     return Steps(starts, lengths, np.empty((n, d, s)), np.empty((n, 2, d)), errors)
@@ -490,7 +490,9 @@ _BY_COMPONENT = (
 )  # fmt: skip
 
 
-def empty_workspace(columns, values, stages, n_checks):
+def empty_workspace(
+    columns: tuple[int, int], values: tuple[int, int, int, int], stages: Stages, n_checks: int
+) -> StageWorkspace:
     """Return an uninitialised `StageWorkspace`, the workspace of one step.
 
     `columns` is (1 + k, R), and `values` is the shape (1 + k, n_q, d, s) of the integrands. The
@@ -519,7 +521,7 @@ def empty_workspace(columns, values, stages, n_checks):
     )
 
 
-def initial_state(h, largest, sizes):
+def initial_state(h: float, largest: np.ndarray, sizes: np.ndarray) -> MarchState:
     """Return the `MarchState` of a march that begins with a step of length h.
 
     `largest` and `sizes` (d,) are the initial values of the fields with these names.
@@ -528,7 +530,7 @@ def initial_state(h, largest, sizes):
     return checked(MarchState(record(CONTROL, next=h), record(COUNTS), contraction, largest, sizes))
 
 
-def restored_state(kept):
+def restored_state(kept: tuple[np.ndarray, ...]) -> MarchState:
     """Return the `MarchState` from its fields, which a checkpoint stores as plain arrays."""
     control, counts, contraction, *sizes = kept
     return checked(

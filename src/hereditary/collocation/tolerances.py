@@ -61,20 +61,20 @@ class Allowed(NamedTuple):
     atol: np.ndarray
     by_size: float
 
-    def times(self, factor):
+    def times(self, factor: float) -> Allowed:
         """Return the allowed errors, multiplied by a factor."""
-        return Allowed(*(factor * error for error in self))
+        return Allowed._make(factor * error for error in self)
 
     @property
-    def least(self):
+    def least(self) -> float:
         """Return the allowed error at y = 0 of the component with the smallest one."""
         return float(self.atol.min()) + self.by_size
 
-    def at(self, y, sizes):
+    def at(self, y: np.ndarray, sizes: np.ndarray) -> np.ndarray:
         """Return the allowed errors at y (d,) of components with these sizes (d,)."""
         return self.rtol * np.abs(y) + self.atol + self.by_size * sizes
 
-    def sizes_of(self, sizes):
+    def sizes_of(self, sizes: np.ndarray) -> np.ndarray:
         """Return the sizes (d,) that the errors refer to: those given, or atol / rtol."""
         return sizes if self.by_size > 0 else self.atol / (OF_SIZE * self.rtol)
 
@@ -110,7 +110,7 @@ class ErrorPolicy(NamedTuple):
     of_modes: float
 
     @classmethod
-    def of(cls, tolerance, atol):
+    def of(cls, tolerance: Tolerance, atol: np.ndarray) -> ErrorPolicy:
         """Return the allowed errors of a `Tolerance`, whose atol is that of each component (d,)."""
         rtol = tolerance.rtol
         of_run = Allowed(rtol, atol, OF_SIZE * rtol if tolerance.atol is None else 0.0)
@@ -122,14 +122,14 @@ class ErrorPolicy(NamedTuple):
             of_modes = min(of_modes, tolerance.modes)
         return cls(rtol, tolerance.atol, of_run, of_step, of_modes)
 
-    def of_first_step(self, q):
+    def of_first_step(self, q: float) -> Allowed:
         """Return the allowed errors of a first step in the variable u, where t = u**q."""
         rounding = _MIN_RTOL_OF_FIRST_STEPS / self.of_step.rtol
         return self.of_step.times(
             min(1.0, max(_MAX_RESOLVED_Q / q, _MIN_FIRST_TOL_FACTOR, rounding))
         )
 
-    def estimate(self, largest):
+    def estimate(self, largest: float) -> float:
         """Return the estimated relative error of a damped run, from the largest one of a step.
 
         `largest` is relative to the tolerance of a step.
@@ -137,7 +137,7 @@ class ErrorPolicy(NamedTuple):
         return max(largest, STEP_FRACTION) * self.rtol
 
 
-def undamped(estimate, of_fit, moved, n_steps):
+def undamped(estimate: float, of_fit: float, moved: float, n_steps: int) -> float:
     """Return the estimated relative error of a run in which errors add up.
 
     `estimate` is that of a damped run, `of_fit` the error of the fit of the modes. By `moved` y
