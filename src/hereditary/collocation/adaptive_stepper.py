@@ -9,16 +9,18 @@ from __future__ import annotations
 import copy
 import math
 from operator import attrgetter
+from typing import Any
 
 import numpy as np
 
 from ..compiled.jacobian import LEAST, VALUES
 from ..compiled.records import plain
-from ..equation.system import refuse_late
+from ..equation.system import System, refuse_late
 from ..functions.differences import wrong_jacobian
 from ..kernels.memory_kernel import warn_of_fit
-from ..stepping.state import check_identity, identity, state_of
-from ..stepping.status import Status, failed
+from ..stepping.dense import Piece
+from ..stepping.state import State, check_identity, identity, state_of
+from ..stepping.status import Ending, Status, failed
 from ..stepping.stepper import Diagnostics, JumpingStepper, ResumableStepper, TangentStepper
 from ..stepping.times import breaks_ahead
 from ..support.checks import refuse
@@ -35,7 +37,7 @@ from .endings import (
     of_small_component,
 )
 from .equations import integral_form
-from .first_rule import convolutions, first_rule, known_at_nodes, node_logs
+from .first_rule import Variable, convolutions, first_rule, known_at_nodes, node_logs
 from .jumps import jump
 from .march import (
     CRAWLING,
@@ -48,6 +50,7 @@ from .march import (
     march_adaptive,
     march_of,
 )
+from .method import Collocation
 from .mode_tables import empty_tables, floor_to_grid, spare_tables
 from .operators import FORCE, PRIMARY
 from .orbit import OrbitAndTangents, initial_unknowns
@@ -55,14 +58,18 @@ from .pieces import FirstPiece, PolynomialPieces
 from .quadrature import rule_of
 from .reading import Plain, Reading, is_read
 from .singular_start import VANISHING, trials
-from .stage_solver import has_stages, stage_solver
+from .stage_solver import StageSolver, has_stages, stage_solver
 from .step_limits import StepLimits
 from .structures import (
     AT_EDGE,
     AdaptiveWork,
+    ExponentialBasis,
     FirstJacobian,
+    Limits,
     OrbitArrays,
+    Rule,
     Steps,
+    StepTables,
     empty_steps,
     initial_state,
     restored_state,
@@ -91,7 +98,7 @@ _MIN_FIRST_FIT_DISTANCE = 1e-6
 _MAX_STEPS_BEFORE_EVENTS = 8
 
 
-def _rests(values):
+def _rests(values: np.ndarray) -> bool:
     """Return whether f is 0 and p constant at the nodes of a step; values (n_q, d, s)."""
     return not values[FORCE].any() and not np.ptp(values[PRIMARY], axis=1).any()
 
@@ -120,8 +127,16 @@ class AdaptiveStepper(ResumableStepper, TangentStepper, JumpingStepper):
     on_given_steps = False
     t = 0.0
     _error: Exception | None = None
+    _ending: Ending | None
 
-    def __init__(self, system, scheme, t_end, tolerance, directions=None):
+    def __init__(
+        self,
+        system: System,
+        scheme: Collocation,
+        t_end: float,
+        tolerance: Tolerance,
+        directions: np.ndarray | None = None,
+    ) -> None:
         scheme.check_terms(system)
         self.system, self._scheme, self._breaks = system, scheme, np.zeros(0)
         self._view = view = (Reading if is_read(system) else Plain)(system)
@@ -153,7 +168,7 @@ class AdaptiveStepper(ResumableStepper, TangentStepper, JumpingStepper):
         self._limit_steps(t_end)
         self._prefit_kernels(t_end)
 
-    def _limit_steps(self, t_end):
+    def _limit_steps(self, t_end: float) -> None:
         """Set the longest step and the largest number of steps from the present time to t_end."""
         self.step_limits.begin(self.t, t_end, self.n_steps)
         longest = floor_to_grid(self.step_limits.longest[0])
@@ -162,18 +177,18 @@ class AdaptiveStepper(ResumableStepper, TangentStepper, JumpingStepper):
     # progress of the march
     position = property(attrgetter("t"))
 
-    def _read_progress(self):
+    def _read_progress(self) -> None:
         """Set `t` and `n_steps` to what the march has reached; records are slow to read."""
         control = self._state.control
         self.t = float(control["origin"] + control["time"])
         self.n_steps = int(self._state.counts["accepted"])
 
     @property
-    def n_modes(self):
+    def n_modes(self) -> int:
         """Number of exponential modes with which the memory of each component is computed."""
         return self._orbit.of_varying.size
 
-    def _steps(self, t_stop):
+    def _steps(self, t_stop: float) -> FirstPiece | PolynomialPieces | None:
         """March towards `t_stop` by a limited number of steps; return dense output or None."""
         n_rows = min(self._rows, self.step_limits.last_step - self.n_steps)
         if n_rows == 0:
@@ -230,34 +245,34 @@ class AdaptiveStepper(ResumableStepper, TangentStepper, JumpingStepper):
         return PolynomialPieces(*piece)
 
     @property
-    def _sizes(self):
+    def _sizes(self) -> np.ndarray:
         """Sizes of the components, (d,): the largest |y| so far, or a fraction of the largest."""
         sizes = self._state.sizes.copy()
         raise_small_once(self._marched.quantities, SMALL, sizes)
         return sizes
 
-    def _still_sizes(self):
+    def _still_sizes(self) -> np.ndarray:
         """Return the sizes of y, and of the unknown p, that tolerances refer to, (2, d)."""
         sizes = self.allowed.of_step.sizes_of(self._sizes)
         return np.array([sizes, np.where(self._form.above_one == 1, 0.0, sizes)])
 
-    def _set_origin(self, t, since=0.0):
+    def _set_origin(self, t: float, since: float = 0.0) -> None:
         """Count time from t, so that rounding does not hide short steps next to a start."""
         self._control["time"], self._control["origin"] = since, t
         self.t = float(t + since)
         self._orders.clear()
 
-    def _closest(self, h):
+    def _closest(self, h: float) -> float:
         """Return the shortest time lag of the modes for steps of length h and shorter ones."""
         return self._rule.nodes[0] * h / _REFINE_BY
 
-    def _limits(self, t_stop):
+    def _limits(self, t_stop: float) -> Limits:
         """Return the `Limits` of a march from the origin to `t_stop`."""
         return self.step_limits.limits(
             self._marched, self._control["origin"], t_stop, self.allowed.of_step
         )
 
-    def _march_on(self, steps, limits):
+    def _march_on(self, steps: Steps, limits: Limits) -> int:
         """March by ordinary steps in compiled code, filling `steps`; return the status code."""
         orbit, s = self._orbit, self._s
         sums, arrays = orbit.sums, orbit.march_arrays()
@@ -272,7 +287,17 @@ class AdaptiveStepper(ResumableStepper, TangentStepper, JumpingStepper):
         finally:
             spare_tables.give_back(taken)
 
-    def _march(self, marched, steps, limits, rule, basis, tables, arrays, solver):
+    def _march(
+        self,
+        marched: System,
+        steps: Steps,
+        limits: Limits,
+        rule: Rule,
+        basis: ExponentialBasis,
+        tables: StepTables,
+        arrays: OrbitArrays,
+        solver: StageSolver | None,
+    ) -> int:
         """March a system by any rule in compiled code, filling `steps`; return the status code.
 
         `solver` is None if the march takes one that has no factors yet.
@@ -293,7 +318,7 @@ class AdaptiveStepper(ResumableStepper, TangentStepper, JumpingStepper):
             self._read_progress()
             give_back(taken)
 
-    def _go_on_from(self, kept, orbit):
+    def _go_on_from(self, kept: tuple[np.ndarray, ...], orbit: OrbitAndTangents) -> None:
         """Continue from the stored state and orbit of a march."""
         self._state, self._orbit = restored_state(kept), orbit
         self._control = self._state.control
@@ -302,14 +327,14 @@ class AdaptiveStepper(ResumableStepper, TangentStepper, JumpingStepper):
         self._orders.clear()
         self._ending, self._error = None, None
 
-    def _settle(self):
+    def _settle(self) -> None:
         """Solve the algebraic rows at the present time for their unknowns."""
         if self.t > 0 and self.system.algebraic.any():
             x = self._view.seen(self._orbit.x[0])
             found = settled(self.system, self.system.beside(self.t, 1), x)
             self._orbit.shift(self._view.widened(found - x))
 
-    def _singular_step(self, t_stop):
+    def _singular_step(self, t_stop: float) -> FirstPiece | None:
         """Make the first step after a singular start; return its dense output.
 
         If all trial lengths fail, return None and store the reason in `_ending`.
@@ -343,7 +368,7 @@ class AdaptiveStepper(ResumableStepper, TangentStepper, JumpingStepper):
             self._ending = of_near_orders(form.generators[0])
         return None
 
-    def _at_start(self, t_stop):
+    def _at_start(self, t_stop: float) -> tuple[Limits, Any, np.ndarray]:
         """Return the `Limits` of a first step, the Jacobian of f there, and units, (d,).
 
         The units are sizes of the components, for the increments of difference quotients of f.
@@ -365,7 +390,9 @@ class AdaptiveStepper(ResumableStepper, TangentStepper, JumpingStepper):
         jacobian_at_start(start, out)
         return limits, out if structure is None else structure.matrix(out[VALUES]), units
 
-    def _try_step(self, h, variable, limits, at_edge):
+    def _try_step(
+        self, h: float, variable: Variable, limits: Limits, at_edge: bool
+    ) -> tuple[Steps, np.ndarray | None]:
         """Try a first step of length h, with polynomials in the variable u of `variable`.
 
         The compiled march tries the step. The history at the nodes is given to it in place of
@@ -395,7 +422,9 @@ class AdaptiveStepper(ResumableStepper, TangentStepper, JumpingStepper):
         status = self._march(marched, steps, limits, rule, basis, tables, arrays, solver)
         return steps, values if status in (FULL, REACHED) else None
 
-    def _finish_singular_start(self, h, variable, values, t_stop):
+    def _finish_singular_start(
+        self, h: float, variable: Variable, values: np.ndarray, t_stop: float
+    ) -> None:
         """Move to the end of the first step after a singular start, and begin ordinary steps."""
         orbit, closest, t = self._orbit, self._closest(h), self.t
         if self.n_modes == 0:
@@ -407,7 +436,7 @@ class AdaptiveStepper(ResumableStepper, TangentStepper, JumpingStepper):
         self._set_origin(*((t_stop,) if t == t_stop else (self._control["origin"], h)))
         self._at_singular_start = False
 
-    def _begin_graded(self, t_stop):
+    def _begin_graded(self, t_stop: float) -> None:
         """Begin ordinary steps; the first is so short that the solution hardly changes."""
         self._set_origin(self.t)
         least = 1e5 * self._farthest / _LARGEST_RATIO
@@ -424,18 +453,18 @@ class AdaptiveStepper(ResumableStepper, TangentStepper, JumpingStepper):
         self._begin_steps(floor_to_grid(h), self._shortest)
         self._at_singular_start = False
 
-    def _begin_steps(self, h, shortest):
+    def _begin_steps(self, h: float, shortest: float) -> None:
         """Set the length h of the next step; steps below the length `shortest` need more modes."""
         control = self._control
         control["next"], control["last"], control["rejected"] = h, 0.0, 0.0
         control["shortest"] = shortest
 
     @property
-    def _shortest(self):
+    def _shortest(self) -> float:
         """Length of the shortest step for which the modes are accurate."""
         return self._orbit.closest / self._rule.nodes[0]
 
-    def _prefit_kernels(self, t_end):
+    def _prefit_kernels(self, t_end: float) -> None:
         """Fit kernels known by their values down to the shortest distance that steps may have."""
         closest = _MIN_FIRST_FIT_DISTANCE * t_end
         if self._form.solves_slopes and not self._form.varying:
@@ -446,47 +475,47 @@ class AdaptiveStepper(ResumableStepper, TangentStepper, JumpingStepper):
         warn_of_fit(errors.noise, self.allowed.rtol)
         self._least = self._view.least(t_end, max(errors), self.allowed.of_step.by_size)
 
-    def _refine_modes(self, closest):
+    def _refine_modes(self, closest: float) -> None:
         """Refine the modes so that they are accurate from the time lag `closest` on."""
         self._orbit.refine(closest)
         self._control["shortest"] = self._shortest
 
     @property
-    def y(self):
+    def y(self) -> np.ndarray:
         """Solution at the present time `t`, shape (d,); a copy."""
         return self._view.values(self._orbit.x[0], self._orbit.p[0])[0]
 
     @property
-    def uncertainty(self):
+    def uncertainty(self) -> np.ndarray:
         """Errors of y that the tolerance allows at the present time, (d,)."""
         errors = self.allowed.of_run.at(self._orbit.x[0], self._sizes)
         return self._view.values(errors, errors)[0]
 
     @property
-    def sizes(self):
+    def sizes(self) -> np.ndarray:
         """Largest |y| of each component since t = 0, (d,)."""
         return self._view.values(self._state.sizes, self._state.sizes)[0]
 
     @property
-    def ydot(self):
+    def ydot(self) -> np.ndarray:
         """First derivative at the present time `t`, shape (d,); NaN if y' is no unknown."""
         return self._view.values(self._orbit.x[0], self._orbit.p[0])[1]
 
     @property
-    def tangent(self):
+    def tangent(self) -> np.ndarray:
         """Tangents, shape (n_data, k), a copy: derivatives of y, then of y' for orders above 1."""
         values, speeds = self._view.values(self._orbit.x[1:], self._orbit.p[1:])
         return np.vstack([values.T, speeds[:, self.system.above_one].T])
 
-    def keep_tangents(self):
+    def keep_tangents(self) -> None:
         """Let dense output include the tangents: d components of each follow those of the orbit."""
         self._kept = self._orbit.x.shape[0]
 
-    def transform_tangent(self, matrix):
+    def transform_tangent(self, matrix: np.ndarray) -> None:
         """Replace the tangents and their history by ``tangent @ matrix``, matrix (k, k)."""
         self._orbit.transform(matrix)
 
-    def advance(self, stop, keep=True):
+    def advance(self, stop: float, keep: bool = True) -> Piece | None:
         """March towards time `stop` by a limited number of steps; return dense output or None.
 
         If the march cannot go on, or the right-hand side raised, `failure` has the reason.
@@ -502,7 +531,7 @@ class AdaptiveStepper(ResumableStepper, TangentStepper, JumpingStepper):
         return None if piece is None else self._view.piece(piece)
 
     @property
-    def failure(self):
+    def failure(self) -> Ending | None:
         """Reason why the march cannot go on, an `Ending`; None if it can."""
         if self._error is not None:
             return failed(self._error)
@@ -520,7 +549,7 @@ class AdaptiveStepper(ResumableStepper, TangentStepper, JumpingStepper):
         )
         return ended._replace(detail=wrong or ended.detail)
 
-    def _small_component(self):
+    def _small_component(self) -> str:
         """Return a clause on the component with the largest error, if it may be rounding."""
         c = int(self._control["worst"])
         if self.allowed.of_step.by_size == 0 or self._state.sizes[c] >= self._sizes[c]:
@@ -528,7 +557,7 @@ class AdaptiveStepper(ResumableStepper, TangentStepper, JumpingStepper):
         return of_small_component(self._marched.of_y[c] // (2 if self.system.frame.paired else 1))
 
     @property
-    def diagnostics(self):
+    def diagnostics(self) -> Diagnostics:
         """Misfit of the kernels to the tolerance, and the time of a force that steps missed.
 
         The tolerance of memory that f reads is that of a step, because its errors add up. In
@@ -538,12 +567,12 @@ class AdaptiveStepper(ResumableStepper, TangentStepper, JumpingStepper):
         misfit = self._orbit.kernels.errors.misfit(allowed.rtol)
         return Diagnostics(misfit=misfit, missed=float(self._control["missed"]))
 
-    def set_breaks(self, times, t_end):
+    def set_breaks(self, times: np.ndarray, t_end: float) -> None:
         """Set the times at which the march makes a singular start, because f may jump there."""
         at_once, self._breaks = breaks_ahead(times, self.t, t_end, self.system.frame.start)
         self._at_singular_start |= at_once
 
-    def stats(self):
+    def stats(self) -> dict[str, Any]:
         """Return the counts and error estimates that `Solution.stats` has."""
         return {
             "n_steps": self.n_steps,
@@ -555,7 +584,7 @@ class AdaptiveStepper(ResumableStepper, TangentStepper, JumpingStepper):
             "error_estimate": self._error_estimate(),
         }
 
-    def _error_estimate(self):
+    def _error_estimate(self) -> float:
         """Return the largest error of a step, plus the errors that add up without damping."""
         estimate = self.allowed.estimate(self._largest_error)
         if self.n_steps <= _MAX_STEPS_PER_MARCH:
@@ -563,12 +592,12 @@ class AdaptiveStepper(ResumableStepper, TangentStepper, JumpingStepper):
         moved = np.max(self._moved / np.maximum(self._sizes, LEAST))
         return undamped(estimate, self._orbit.power_laws.error, moved, self.n_steps)
 
-    def state(self):
+    def state(self) -> State:
         """Return a `State` from which a later run can continue."""
         rtol, atol, *_, of_modes = self.allowed
         return state_of(self, self._scheme, Tolerance(rtol, atol, of_modes))
 
-    def restore(self, state, allow_change=False):
+    def restore(self, state: State, allow_change: bool = False) -> None:
         """Continue from `state`; `allow_change` admits a changed right-hand side or parameters."""
         changed = check_identity(state.identity, self.identity(state.t), allow_change)
         reach = state.checkpoint[1].farthest
@@ -582,17 +611,17 @@ class AdaptiveStepper(ResumableStepper, TangentStepper, JumpingStepper):
         self._control["missed"] = 0.0
         self._limit_steps(self._t_end)
 
-    def checkpoint(self):
+    def checkpoint(self) -> tuple[tuple[np.ndarray, ...], OrbitAndTangents, bool]:
         """Return copies of everything that a step changes, for `come_back` and `state`."""
         kept = tuple(plain(part).copy() for part in self._state)
         return kept, copy.deepcopy(self._orbit), self._at_singular_start
 
-    def come_back(self, checkpoint):
+    def come_back(self, checkpoint: tuple[tuple[np.ndarray, ...], OrbitAndTangents, bool]) -> None:
         """Return to the time at which `checkpoint` was taken."""
         kept, orbit, self._at_singular_start = checkpoint
         self._go_on_from(kept, copy.deepcopy(orbit))
 
-    def expect_jumps(self, of_y):
+    def expect_jumps(self, of_y: bool) -> None:
         """Prepare for jumps of f, and of y if `of_y`: make few steps at once, or refuse."""
         self._rows = _MAX_STEPS_BEFORE_EVENTS
         kinds, moving = "a change of y" if of_y else "a switch", "events, changes and switches"
@@ -606,23 +635,23 @@ class AdaptiveStepper(ResumableStepper, TangentStepper, JumpingStepper):
             required = "change no y beside RiemannLiouville, which takes jumps for derivatives"
             refuse(moving, required, kinds)
 
-    def limit_rows(self, most):
+    def limit_rows(self, most: int) -> None:
         """Let `advance` make at most so many steps, so that a run looks at its time more often."""
         self._rows = min(self._rows, most)
 
-    def set_y(self, y):
+    def set_y(self, y: np.ndarray) -> None:
         """Let y jump to these values, (d,), at the present time; memory does not see the jump."""
         self._orbit.shift(self._view.widened(y - self.y))
         self._at_singular_start = True
         self._settle()
 
-    def set_side(self, number, sign):
+    def set_side(self, number: int, sign: float) -> None:
         """Evaluate f on the side `sign` of a switch, and begin anew because f jumps."""
         self._marched.functions.switches.signs[number] = sign
         self._at_singular_start = True
         self._settle()
 
-    def identity(self, t):
+    def identity(self, t: float) -> dict[str, Any]:
         """Return the properties that a run to time t shares with a run that resumes it."""
         how = {"number of nodes": self._s, "tolerances": self.allowed[:2]}
         return identity(self.system, t, **how)

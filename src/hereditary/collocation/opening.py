@@ -1,8 +1,13 @@
 """Checks of the tolerances that a user passes, and the start of an adaptive stepper."""
 
+from __future__ import annotations
+
+from typing import Any
+
 import numpy as np
 
-from ..stepping.state import go_on_from
+from ..equation.system import System
+from ..stepping.state import State, go_on_from
 from ..support.checks import count, left_out, positive, real_array, refuse, shown, within
 from .adaptive_stepper import AdaptiveStepper
 from .algebraic import check_start
@@ -17,9 +22,18 @@ _FARTHEST = 1e300
 
 
 def checked_tolerance(
-    system, t_end, state=None, *, modes=None, n_steps=None, mesh=False,
-    rtol=None, atol=None, max_step=None, max_steps=None,
-):  # fmt: skip
+    system: System,
+    t_end: float,
+    state: State | None = None,
+    *,
+    modes: Any = None,
+    n_steps: Any = None,
+    mesh: Any = False,
+    rtol: float | None = None,
+    atol: Any = None,
+    max_step: float | None = None,
+    max_steps: int | None = None,
+) -> Tolerance:
     """Return the checked `Tolerance` of a run to t_end.
 
     Arguments that are None are taken from `state`, if one is given, or have their default. `modes`
@@ -47,7 +61,7 @@ def checked_tolerance(
     )
 
 
-def _absolute(atol, n):
+def _absolute(atol: Any, n: int) -> float | tuple[float, ...]:
     """Return the checked absolute tolerance: a number, or a tuple with one for each component.
 
     n is the number of components of y.
@@ -61,14 +75,22 @@ def _absolute(atol, n):
     return tuple(values.tolist())
 
 
-def _check_end(t_end, system):
+def _check_end(t_end: float, system: System) -> None:
     """Refuse a t_end whose powers up to the highest order exceed the range of double precision."""
     farthest = _FARTHEST ** (1 / max(1.0, system.highest_order))
     interval = f"[{1 / _FARTHEST:g}, {farthest:g}]"
     within("t_end", t_end, 1 / _FARTHEST, farthest, interval, "take another unit of time")
 
 
-def open_adaptive(system, scheme, how, t_end, state, allow_change, directions):
+def open_adaptive(
+    system: System,
+    scheme: Any,
+    how: Tolerance,
+    t_end: float,
+    state: State | None,
+    allow_change: bool,
+    directions: np.ndarray | None,
+) -> tuple[AdaptiveStepper, float]:
     """Return an `AdaptiveStepper` at the start of a run, or at `state` if one is given; and t_end.
 
     `how` is the `Tolerance` of the run. `directions` are those of the tangents' initial values.
