@@ -11,9 +11,8 @@ Relaxation y(0) = 1, D^alpha y = -y, and the stick-slip oscillator, warm, best o
   `Collocation`;
 * one point of dense output costs less than ten of SciPy's, and many less than four times as much
   each;
-* a warm call makes no more calls of functions, in Python and in C, than CALLS. The goals were 600
-  for a dozen steps, 400 for 40 steps and 200 for an equation. What is left is checks of arguments,
-  the stepper of the run and its rows. For an equation it is the checks of its function.
+* a warm call makes no more calls of functions, in Python and in C, than CALLS. They are checks of
+  arguments, the stepper of the run and its rows. For an equation they are checks of its function.
 """
 
 import sys
