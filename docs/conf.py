@@ -53,7 +53,7 @@ numpydoc_show_class_members = False
 nitpick_ignore_regex = [
     ("py:obj", r"scipy\..*"),
     ("py:obj", r"hereditary\.kernels"),
-    ("py:obj", r"corrections|d|equation|linear|m|orders|params|tol|trace"),
+    ("py:obj", r"components|corrections|d|equation|linear|m|orders|params|tol|trace"),
 ]
 
 # MathJax 3.2.2 from the package sphinx-mathjax-offline: two of its many files, 1.5 MB of 24
