@@ -155,3 +155,10 @@ def test_slopes_at_the_start_are_unknown_where_no_order_exceeds_1():
         first = hd.solve(eq, 1.0, **how).ydot[0]
         assert first[0] == 0.3
         assert np.isnan(first[1])
+
+
+def test_exponents_do_not_depend_on_the_tolerance():
+    eq = hd.Equation(hd.Caputo(2.5), lambda t, y: -y + np.cos(t), [1.0, 0.0, 0.1])
+    coarse, fine = (hd.lyapunov(eq, 6.0, rtol=rtol).exponents for rtol in (1e-5, 1e-7))
+    # tangents err by rtol of their size, and exponents are their logarithms over a time of 6
+    np.testing.assert_allclose(coarse, fine, rtol=0, atol=1e-5)

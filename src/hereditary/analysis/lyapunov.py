@@ -523,7 +523,7 @@ def _grow(
     ended early, otherwise None. Return also the mark of each renormalisation, and the logarithms of
     the growth since the one before, (n, 1 + k).
     """
-    grown, none = [np.empty((0, 1 + stepper.tangent.shape[1]))], np.zeros(1, dtype=bool)
+    grown, none = [np.empty((0, 1 + stepper.tangent.shape[1]))], stepper.system.above_one
     end = int(schedule["end"]) * float(schedule["unit"])
     states.append((stepper.t, stepper.y))
 
