@@ -523,7 +523,7 @@ def _grow(
     ended early, otherwise None. Return also the mark of each renormalisation, and the logarithms of
     the growth since the one before, (n, 1 + k).
     """
-    grown, none = [np.empty((0, 1 + stepper.tangent.shape[1]))], stepper.system.above_one
+    grown, above_one = [np.empty((0, 1 + stepper.tangent.shape[1]))], stepper.system.above_one
     end = int(schedule["end"]) * float(schedule["unit"])
     states.append((stepper.t, stepper.y))
 
@@ -533,7 +533,7 @@ def _grow(
         if piece is not None and (few or piece.edges().size > _STATES):
             times, every = piece.edges(), 1 + piece.edges().size // _STATES
             times = times[every::every]
-            states.extend(zip(times.tolist(), piece.evaluate(times, none, 0), strict=True))
+            states.extend(zip(times.tolist(), piece.evaluate(times, above_one, 0), strict=True))
         states.append((stepper.t, stepper.y))
         grown.append(logs)
         if flow is not None and piece is not None:
