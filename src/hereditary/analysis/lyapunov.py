@@ -112,7 +112,7 @@ _Moment = tuple[float, np.ndarray]
 
 
 class _Stepping(NamedTuple):
-    """How one run steps: arguments of `lyapunov` that its second run has other values of."""
+    """Arguments of `lyapunov` that differ between a run and its second run."""
 
     t_end: Any
     n_steps: Any

@@ -118,7 +118,7 @@ class Form:
 
     @cached_property
     def layout(self) -> tuple:
-        """What the shapes of a march's work arrays depend on, and the kinds of the components."""
+        """Numbers from which the shapes of work arrays follow, and the kinds of the components."""
         sizes = self.n_rows, self.n_integrands, self.unweighted.size
         return *sizes, self.kinds.tobytes(), self.above_one.tobytes()
 

@@ -106,7 +106,7 @@ opened_once = lru_cache(maxsize=_MODES_MAX)(opened)
 
 
 class OverStep(NamedTuple):
-    """What the modes of one bank have of the last step, of which they have seen nothing yet.
+    """Values of the modes of one bank over the last step, before which they were 0.
 
     - decays (M, K): from K points of the step, those of `rule_of_modes`, to its end.
     - sampled (n, K): the Lagrange polynomials of the n nodes at these points, times the weights of

@@ -274,7 +274,7 @@ class Limits(NamedTuple):
 
 
 class FirstJacobian(NamedTuple):
-    """What the Jacobian of f before a first step depends on.
+    """Arguments of the Jacobian of f before a first step.
 
     - right, equations, limits: as in `AdaptiveWork`; t: time.
     - x (d,): y.

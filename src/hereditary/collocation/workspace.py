@@ -18,7 +18,7 @@ _WORKSPACES_MAX = 8
 
 
 class Workspace(NamedTuple):
-    """What a march of given shapes overwrites: solver of the stages, matrices and work arrays."""
+    """A solver of the stages, matrices and work arrays, which a march overwrites."""
 
     solver: StageSolver
     operators: Operators

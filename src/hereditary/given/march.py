@@ -77,12 +77,11 @@ def marching(name: str, way: str) -> Callable[..., Any]:
         m = march.work
         table, rows, state, workspace, memory = m.table, m.rows, m.state, m.workspace, m.memory
         h, every, integral, slowest = table.h, table.every, table.integral, table.slowest
-        counts, x, u = state.counts, state.x, state.increment
-        d, f, row = state.change, workspace.f, -1
+        counts, x, u, d = state.counts, state.x, state.increment, state.change
         lag, pieces, groups, weights = state.lag, state.pieces, table.groups, table.weights
         theta, unit, ratio, width = rows.theta, rows.unit, rows.ratio, x.shape[0]
-        orbit = x[: table.n_orbit]
-        point, starting = workspace.point, table.start_weights.shape[1] > 0
+        f, point, row = workspace.f, workspace.point, -1
+        orbit, starting = x[: table.n_orbit], table.start_weights.shape[1] > 0
         first_sample = (m.output.first + every - 1) // every if every > 0 else 0
         by_rows = memory.tables.room.shape[1] > 0  # inline, as a history's call would take 45 ns
         known_terms = table.powers.shape[0] > 0
