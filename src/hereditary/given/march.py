@@ -82,7 +82,6 @@ def marching(name: str, way: str) -> Callable[..., Any]:
         theta, unit, ratio, width = rows.theta, rows.unit, rows.ratio, x.shape[0]
         f, point, row = workspace.f, workspace.point, -1
         orbit, starting = x[: table.n_orbit], table.start_weights.shape[1] > 0
-        first_sample = (m.output.first + every - 1) // every if every > 0 else 0
         by_rows = memory.tables.room.shape[1] > 0  # inline, as a history's call would take 45 ns
         known_terms = table.powers.shape[0] > 0
         while counts.step < end:
@@ -101,7 +100,7 @@ def marching(name: str, way: str) -> Callable[..., Any]:
                     begin_start(m, 0, state.last_f, 0)
                 counts.opened = n
             if every > 0 and n % every == 0:
-                keep_jacobian(m, n * h, n // every - first_sample)
+                keep_jacobian(m, n * h, n // every - (m.output.first + every - 1) // every)
             if i != row:  # uniform steps share one row of coefficients
                 load_coefficients(m, i)
                 row = i
