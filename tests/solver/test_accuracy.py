@@ -214,6 +214,20 @@ def test_what_an_accurate_run_does_not_solve_in_few_steps_is_not_resolved():
         assert sol.stats["error_unknown"] in seen
         assert "takes more than 2" in seen
         assert "hardly resolve the solution: errors are about" in seen
+    _, (seen,) = quietly(eq, t_end, n, scheme=scheme, save_every=n)
+    assert "errors" not in seen  # the accurate run reached no row after the start
+
+
+def spot(points):
+    x = np.arange(1, points + 1) / (points + 1)
+    return np.exp(-200 * ((x[:, None] - 0.35) ** 2 + (x[None, :] - 0.6) ** 2))
+
+
+def test_short_first_steps_of_an_accurate_run_do_not_count_as_many():
+    eq = hd.scenes.subdiffusion(0.5, 50, dimensions=2, u0=spot(50))
+    sol, seen = quietly(eq, 0.02, 200, scheme=hd.BDF(2), save_every=10)
+    assert not any("takes more than" in text for text in seen)
+    assert "takes more than" not in sol.stats.get("error_unknown", "")
 
 
 def test_a_map_and_what_collocation_refuses_have_no_estimate():
