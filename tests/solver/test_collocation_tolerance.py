@@ -144,20 +144,21 @@ def test_published_values(name, rtol):
     assert np.all(off <= sol.stats["error_estimate"] * scale + digits)
 
 
-@pytest.mark.parametrize("name", ["brusselator", "stick-slip"])
-@pytest.mark.parametrize("rtol", [0.05, 0.01])
-def test_coarse_tolerances_give_sane_answers(name, rtol):
+@pytest.mark.parametrize("name", PUBLISHED)
+@pytest.mark.parametrize("rtol", [0.05, 1e-2, 1e-3])
+def test_coarse_tolerances_are_kept_by_half(name, rtol):
+    """The promise with a factor of 2 to spare; measured were errors below a hundredth of it."""
     make, t_end, values, _ = PUBLISHED[name]
     sol = hd.solve(make(), t_end, rtol=rtol)
     assert sol.success
-    assert np.all(np.isfinite(sol.y))
-    assert abs(sol.y[-1, 0] - values[0]) <= 10 * rtol * abs(values[0])
+    scale = np.abs(sol.y).max(axis=0)[: len(values)]
+    assert np.all(np.abs(sol.y[-1, : len(values)] - values) <= rtol / 2 * scale)
 
 
 @pytest.mark.parametrize("alpha", [0.5, 0.95, 1.0, 1.9])
-@pytest.mark.parametrize(("rtol", "periods"), [(1e-5, 500), (1e-11, 100)])
+@pytest.mark.parametrize(("rtol", "periods"), [(1e-2, 900), (1e-3, 900), (1e-5, 500), (1e-11, 100)])
 def test_the_estimate_grows_with_errors_that_nothing_damps(alpha, rtol, periods):
-    """Of modes, within the tolerance at loose ones; of rounding at tight ones."""
+    """Of steps and modes, within half the tolerance at loose ones; of rounding at tight ones."""
     angle, start = alpha * np.pi / 2, [[1.0, 0.0], [0.0, 0.0]][: math.ceil(alpha)]
     a, b = np.cos(angle), np.sin(angle)
     matrix = np.array([[a, -b], [b, a]])
@@ -170,5 +171,5 @@ def test_the_estimate_grows_with_errors_that_nothing_damps(alpha, rtol, periods)
     off = np.abs(sol.y[-100:] - truth(sol.t[-100:])).max() / np.abs(sol.y).max()
     assert off <= 2 * sol.stats["error_estimate"]
     assert sol.stats["error_estimate"] <= 10 * rtol
-    if rtol == 1e-5:
-        assert off <= rtol
+    if rtol >= 1e-5:
+        assert off <= rtol / 2

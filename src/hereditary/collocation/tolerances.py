@@ -14,7 +14,8 @@ from ..compiled.jit import F8, IVEC, VEC, entry, inner
 from .operators import POSITION
 from .step_limits import MAX_STEPS
 
-# Largest error of one step, as fraction of the tolerance of a run.
+# Largest error of one step, as fraction of the tolerance of a run. With 1, undamped pairs of order
+# 0.95 err by 1.6 tolerances after 900 periods at rtol 1e-2, and P4 and P6 take more steps there.
 STEP_FRACTION = 0.1
 # Fraction of the error of a step for that of the modes, whose errors add up along undamped orbits.
 # With 1e-2, D^0.5 y = 10 (y1 - y2, y1 + y2) errs by 23 tolerances after 3,180 periods. The problems
