@@ -311,6 +311,37 @@ def test_the_length_of_blocks_does_not_matter(case):
     assert_close(np.array(ends), ends[0], case, 1e-11)
 
 
+def late_relay(t, y, late, p):
+    return -1.3 * late[0] * (1.0 + p[0] * np.sign(y[0] - 0.6)) + 0.4 * np.cos(t)
+
+
+# A delay that is no multiple of the step of 1/50: it is read inside the first steps.
+LATE = hd.Equation(hd.Caputo(1.4), late_relay, [1.0, -0.5], [0.5], memory=hd.Delay(0.413))
+OF_EACH_KIND = [
+    hd.ExplicitCaputo(),
+    hd.GrunwaldLetnikov(),
+    hd.L1(),
+    hd.L2Sigma(),
+    hd.BDF(2),
+    hd.Adams(),
+    hd.ProductTrapezoid(),
+]
+
+
+@pytest.mark.parametrize("scheme", OF_EACH_KIND, ids=repr)
+@pytest.mark.parametrize("jump", [0.0, 0.5])
+def test_the_steps_of_one_call_do_not_matter(scheme, jump, monkeypatch):
+    """Bit for bit, also with a delay and a switch: measured times say how many steps they are."""
+    equation, times, found = LATE.replace(params=[jump]), np.linspace(0.0, 1.0, 97), []
+    how = {"switches": lambda t, y: y[0] - 0.6} if jump else {}
+    for n in (50, 17, 3, 1):
+        monkeypatch.setattr(FixedStepper, "_steps_at_once", lambda self, n=n: n)
+        sol = hd.solve(equation, 1.0, 50, scheme=scheme, estimate=False, **how)
+        found.append([sol.y, sol.ydot, sol(times), sol(times, 1)])
+    for others in found[1:]:
+        assert all(map(np.array_equal, others, found[0]))
+
+
 @over([case for case in TANGENTS if case.given and case.history in (None, HISTORIES[2])])
 def test_tangents_are_difference_quotients(case):
     """Of the discrete solution with given steps."""

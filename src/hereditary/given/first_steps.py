@@ -49,6 +49,9 @@ class FirstSteps:
     def __init__(self, system: System, ends: np.ndarray) -> None:
         self._system, self._start = system, system.y0[:, : system.n_solved]
         self.ends, self._values = np.asarray(ends, dtype=float), np.zeros((2, system.n_solved))
+        functions = system.functions
+        if functions.delays.rows.size or functions.switches.signs.size:
+            self._powers  # noqa: B018  # by f at 0: later tables and sides give another f
 
     def __getstate__(self) -> dict[str, Any]:
         """Return the state for pickling, without the system, whose functions cannot be pickled."""

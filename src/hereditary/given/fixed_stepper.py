@@ -34,7 +34,7 @@ from ..stepping.times import ONE_TIME
 from ..support.checks import refuse
 from .block import RUNNING
 from .endings import ending, remedy_of
-from .first_steps import starting_steps
+from .first_steps import FirstSteps, starting_steps
 from .growing_march import LOST, Renormalisations, grow, transform_march
 from .history.history import History
 from .jacobian_watch import JacobianWatch
@@ -134,6 +134,7 @@ class FixedStepper(ResumableStepper, TangentStepper, JumpingStepper):
         self._begin(plan)
         self._misfit = misfit_on_given_steps(self.memory.kernel_errors, history)
         self._status, self._jumped = RUNNING, False
+        self._starting: FirstSteps | None = None
         self._seconds, self._most = (
             0.0,
             _MAX_NUMBERS_PER_CALL,
@@ -237,7 +238,9 @@ class FixedStepper(ResumableStepper, TangentStepper, JumpingStepper):
         rows, slopes = np.empty((2, n_more + 1 if keep else 0, d))
         if keep:
             rows[0], slopes[0] = self.y, self.ydot
-        starting = starting_steps(self) if keep and not self._jumped else None
+        if n == 0 or self._starting is None:
+            self._starting = starting_steps(self)
+        starting = self._starting if keep and n <= 1 and not self._jumped else None
         try:
             self._march_to(n + n_more, rows[1:], slopes[1:])
         except Exception as error:
