@@ -72,8 +72,11 @@ class Equation:
         Argument of `rhs` and `jac`, as an array of shape (p,).
     jac : callable, optional
         The Jacobian d rhs / d y, ``jac(t, y)`` or ``jac(t, y, params)`` returning shape (d, d), or
-        in place ``jac(t, y, jacobian, params)``. It is compared with differences near y(0). If
-        `jac` is left out, the Jacobian comes from differences.
+        in place ``jac(t, y, jacobian, params)``. If it is left out, the Jacobian comes from
+        differences. A given one is compared with them at y(0) and at two points near it. It is
+        refused if they show that an entry errs there by more than 1 % of the largest entry of its
+        row. It is accepted if all entries err by less than 0.1 % of their own size. With
+        `bandwidth` or `jac_sparsity` its product with a random vector is compared.
     memory : Caputo, Memory, Term, Delay, a sum or a sequence of them, optional
         Terms and delays that `rhs` reads, for example for friction that depends on the state. They
         are not on the left side. Their values, shape (k, d), are the third argument: ``rhs(t, y,

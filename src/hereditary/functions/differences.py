@@ -56,6 +56,11 @@ def wrong_jacobian(
     Jacobian is refused if a product is wrong at two of three points. Therefore a corner or a jump
     of `rhs` does not refuse it, nor does a point outside of the domain of `rhs`.
 
+    One point is y0. At the others components differ from it by up to 3 % of the larger of their
+    size and a tenth of their unit. A dense Jacobian is refused if an entry errs all over this
+    neighbourhood by more than 1 % of the largest entry of its row there, unless rounding errors of
+    differences are as large. It is accepted if all entries err by less than 0.1 % of themselves.
+
     Parameters
     ----------
     functions : Functions
