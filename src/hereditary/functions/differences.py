@@ -57,9 +57,9 @@ def wrong_jacobian(
     of `rhs` does not refuse it, nor does a point outside of the domain of `rhs`.
 
     One point is y0. At the others components differ from it by up to 3 % of the larger of their
-    size and a tenth of their unit. A dense Jacobian is refused if an entry errs all over this
-    neighbourhood by more than 1 % of the largest entry of its row there, unless rounding errors of
-    differences are as large. It is accepted if all entries err by less than 0.1 % of themselves.
+    size and a tenth of their unit. A dense Jacobian is refused if an entry errs by more than 1 % of
+    the largest entry of its row, all over this neighbourhood. Errors as small as the rounding of
+    differences are not found. It is accepted if all entries err by less than 0.1 % of themselves.
 
     Parameters
     ----------
