@@ -380,6 +380,9 @@ def compose(functions, t, x, out, params):
     if n_maps == 0:
         _inner(functions, t, x, out, params)
         return
+    if n_maps == 1 and functions.form == ZERO and _in_place(maps, 0):
+        _combine(maps, 0, x, out[:0], out)
+        return
     moved_inside = functions.switches.signs.shape[0] > 0 and not _are_outside(functions)
     if n_maps == 1 and _in_place(maps, 0) and not moved_inside:
         n_f = maps.sizes[1]
