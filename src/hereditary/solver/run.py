@@ -103,7 +103,7 @@ def run(
     finally:
         bar.close()
     ended = ended or Ending(reached_end(stepper))
-    if stepper.diagnostics.misfit and ended.status is Status.EVENT:
+    if ended.status is Status.EVENT and stepper.diagnostics.misfit:
         ended = Ending(Status.KERNEL_INACCURATE)
     signs = events.signs()
     t, y, ydot, dense = output.close(t_end)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -259,10 +258,11 @@ def solve(
         n_steps=n_steps, mesh=mesh, rtol=rtol, atol=atol, max_step=max_step, max_steps=max_steps,
     )  # fmt: skip
     provenance = Provenance(problem, scheme, kept.components, solved.jumps, resume, allow_change)
-    solved = solved._replace(solution=replace(solved.solution, provenance=provenance))
+    solution = solved.solution
+    object.__setattr__(solution, "provenance", provenance)  # it is new: nobody else has it yet
     if not estimate:
-        return solved.solution
-    note_missed(solved.solution, solved.stepper)
+        return solution
+    note_missed(solution, solved.stepper)
     return provenance.with_error(solved)
 
 
