@@ -230,8 +230,7 @@ class Equation:
 
         `matrices` says whether coefficients of the terms are matrices.
         """
-        given = self.linear, self.bandwidth, self.jac_sparsity
-        if self.rhs is not None and all(part is None for part in given):
+        if self.rhs is not None and self.linear is self.bandwidth is self.jac_sparsity is None:
             return None
         self.linear, self.jac_sparsity = copied(self.linear), copied(self.jac_sparsity)
         rearranged = len(initial.values) > 2 or matrices or initial.paired or bool(self.memory)
@@ -387,7 +386,7 @@ class Equation:
         functions = self.rhs, self.jac, self.jac_memory
         if self._in_python:  # its objects may contain anything
             return digest(*functions)
-        return tuple(present_values(fun) for fun in functions)
+        return tuple(map(present_values, functions))
 
 
 def _made(arguments: dict[str, Any]) -> Equation:

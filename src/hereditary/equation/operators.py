@@ -140,7 +140,7 @@ class Caputo(Summand):
         orders = rounded_order(orders)
         if orders.ndim > 1 or orders.size == 0:
             refuse("order", "be a number or have shape (d,)", f"shape {orders.shape}")
-        if np.any(orders <= 0) or np.any(orders > HIGHEST):
+        if ((orders <= 0) | (orders > HIGHEST)).any():
             required, remedy = f"lie in (0, {HIGHEST}]", _INTEGRAL if np.all(orders < 0) else ""
             refuse("order", required, orders.tolist(), remedy)
         orders.flags.writeable = False

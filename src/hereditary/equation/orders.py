@@ -20,7 +20,7 @@ HIGHEST = 20
 def rounded_order(orders: ArrayLike) -> np.ndarray:
     """Return orders, each rounded to an integer above 0 if it differs by at most `ROUNDING`."""
     orders = np.asarray(orders, dtype=float)
-    nearest = np.round(orders)
+    nearest = orders.round()
     return np.where((np.abs(orders - nearest) <= ROUNDING) & (nearest > 0), nearest, orders)
 
 
@@ -37,9 +37,10 @@ def orders_up_to_2(orders: ArrayLike) -> np.ndarray:
 def merged_orders(orders: np.ndarray) -> np.ndarray:
     """Return the orders of an equation, with one value for orders that differ by rounding."""
     values = np.array(sorted(set(orders.ravel().tolist())))
-    apart = np.append(True, values[1:] - values[:-1] > ROUNDING)
-    if apart.all():
+    differ = values[1:] - values[:-1] > ROUNDING
+    if differ.all():
         return orders.copy()
+    apart = np.append(True, differ)
     first = values[apart][np.cumsum(apart) - 1]
     return first[np.searchsorted(values, orders)]
 

@@ -99,8 +99,8 @@ def check_leading(left: Iterable[SystemTerm], y0: np.ndarray, reads: bool) -> No
     """
     d = y0.shape[1]
     highest = leading_orders([term for term in left if not term.operator.from_zero], d)
-    present = np.any([own.reshape(-1, d).any(axis=0) for _, own in left], axis=0)
-    for j in np.flatnonzero((highest == 0) & present):
+    present = np.array([own.reshape(-1, d).any(axis=0) for _, own in left]).any(axis=0)
+    for j in ((highest == 0) & present).nonzero()[0]:
         required = "leave every component at least one nonzero term other than RiemannLiouville"
         refuse("terms", required, f"none for component {j}")
     _check_initial_terms(left, highest)

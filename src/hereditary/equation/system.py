@@ -377,7 +377,7 @@ def leading_orders(left: Iterable[SystemTerm], d: int) -> np.ndarray:
     """
     highest = np.zeros(d)
     for operator, coefficients in left:
-        held = np.any(coefficients.reshape(-1, d) != 0, axis=0)
+        held = (coefficients.reshape(-1, d) != 0).any(axis=0)
         highest = np.maximum(highest, np.where(held, operator.order, 0.0))
     return highest
 

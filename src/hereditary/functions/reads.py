@@ -11,7 +11,7 @@ import hashlib
 import inspect
 import sys
 import sysconfig
-from collections.abc import Callable, Collection, Hashable, Iterator
+from collections.abc import Callable, Collection, Hashable
 from contextlib import suppress
 from functools import lru_cache
 from types import CellType, CodeType, FunctionType, ModuleType
@@ -70,14 +70,16 @@ def _reads(function: FunctionType) -> dict[str, Any]:
 
     These are globals, closed-over values, defaults, and attributes of modules among them.
     """
-    names = set(_names_in(function.__code__))
-    found = {name: function.__globals__[name] for name in names & function.__globals__.keys()}
+    names, held = _names_in(function.__code__), function.__globals__
+    found = {name: held[name] for name in names if name in held}
     for name, cell in zip(function.__code__.co_freevars, function.__closure__ or (), strict=True):
         with suppress(ValueError):  # the cell may be empty
             found[f"{name} closed over"] = cell.cell_contents
-    found |= {f"default {i}": value for i, value in enumerate(function.__defaults__ or ())}
-    found |= {f"{name} by default": v for name, v in (function.__kwdefaults__ or {}).items()}
-    for module in [value for value in found.values() if inspect.ismodule(value)]:
+    for i, value in enumerate(function.__defaults__ or ()):
+        found[f"default {i}"] = value
+    for name, value in (function.__kwdefaults__ or {}).items():
+        found[f"{name} by default"] = value
+    for module in [value for value in found.values() if isinstance(value, ModuleType)]:
         values = {name: vars(module)[name] for name in names & vars(module).keys()}
         if module.__name__.split(".")[0] in _FOREIGN:  # their objects may contain anything
             values = {
@@ -89,12 +91,13 @@ def _reads(function: FunctionType) -> dict[str, Any]:
     return found
 
 
-def _names_in(code: CodeType) -> Iterator[str]:
-    """Iterate over names of globals and attributes in a code object and nested ones."""
-    yield from code.co_names
+def _names_in(code: CodeType) -> set[str]:
+    """Return the names of globals and attributes in a code object and nested ones."""
+    found = set(code.co_names)
     for constant in code.co_consts:
-        if inspect.iscode(constant):
-            yield from _names_in(constant)
+        if isinstance(constant, CodeType):
+            found |= _names_in(constant)
+    return found
 
 
 def frozen_values(fun: FunctionType) -> tuple:
@@ -282,7 +285,7 @@ def _copied(fun: Any, make: Callable[[FunctionType, Any], Any]) -> Any:
             plain, _ = _parts(given)
             copy = _blank(plain)
             made[id(given)] = make(copy, given)
-            names = set(_names_in(plain.__code__)) & plain.__globals__.keys()
+            names = _names_in(plain.__code__) & plain.__globals__.keys()
             found = {name: held(plain.__globals__[name], plain) for name in names}
             copy.__globals__.update(found)
             for own, cell in zip(copy.__closure__ or (), plain.__closure__ or (), strict=True):
