@@ -403,7 +403,7 @@ class AdaptiveStepper(ResumableStepper, TangentStepper, JumpingStepper):
         history = orbit.history(math.log(h) + node_logs(variable))
         n_kernels, d = len(form.kernels), self._marched.d
         basis, tables = known_at_nodes(n, form.orders.size + n_kernels, n_kernels)
-        tables = tables._replace(lengths=np.full(1, h))
+        tables = tables._replace(lengths=np.array([h]))
         if n_kernels:
             kernels = [orbit.kernel(k) for k in range(n_kernels)]
             local = np.array([convolutions(variable, kernel, h) for kernel in kernels])

@@ -54,7 +54,7 @@ def begins_at_edge(
     of components, and `jacobian` (d, d) is that of f at (t, y), which may be infinite.
     """
     f_at_point, (far, near) = np.abs(system.rhs(t, y)), _INCREMENTS
-    if np.all(f_at_point > far * np.abs(jacobian) @ units):
+    if (f_at_point > far * np.abs(jacobian) @ units).all():
         return False
     f = system.rhs(t, y)
     for j in np.flatnonzero(y == 0):

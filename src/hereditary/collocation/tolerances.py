@@ -64,7 +64,8 @@ class Allowed(NamedTuple):
 
     def times(self, factor: float) -> Allowed:
         """Return the allowed errors, multiplied by a factor."""
-        return Allowed._make(factor * error for error in self)
+        rtol, atol, by_size = self
+        return Allowed(factor * rtol, factor * atol, factor * by_size)
 
     @property
     def least(self) -> float:

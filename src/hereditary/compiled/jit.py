@@ -279,14 +279,14 @@ class entry:
         kinds = [kind if isinstance(kind, Reference) else None for kind in self.argtypes]
 
         def ready():
-            if not dispatcher.overloads:
-                with compiling:
-                    if not dispatcher.overloads:
-                        dispatcher.compile(self.argtypes)
-                        dispatcher.disable_compile()
+            with compiling:
+                if not dispatcher.overloads:
+                    dispatcher.compile(self.argtypes)
+                    dispatcher.disable_compile()
 
         def call(*args):
-            ready()
+            if not dispatcher.overloads:
+                ready()
             return dispatcher(*map(_as_argument, args, kinds))
 
         call.__doc__ = fun.__doc__

@@ -193,15 +193,15 @@ def _checked_class(cls):
     return type(cls.__name__, (cls,), {"__slots__": (), "_make": cls._make})
 
 
-# For each type of a record, by its id: the type, which must stay alive, and its `_form`.
-_FORMS_OF_RECORDS: dict[int, tuple[Any, list[Any]]] = {}
+# The `_form` of each NamedTuple class, which has one type; numba's types take 5 us to hash.
+_FORMS_OF_RECORDS: dict[type, list[Any]] = {}
 
 
 def _form_of(kind) -> list[Any]:
     """Return the `_form` of a type of records, made once."""
-    if id(kind) not in _FORMS_OF_RECORDS:
-        _FORMS_OF_RECORDS[id(kind)] = kind, _form(kind)
-    return _FORMS_OF_RECORDS[id(kind)][1]
+    if kind.instance_class not in _FORMS_OF_RECORDS:
+        _FORMS_OF_RECORDS[kind.instance_class] = _form(kind)
+    return _FORMS_OF_RECORDS[kind.instance_class]
 
 
 def _form(kind) -> list[Any]:
@@ -216,7 +216,7 @@ def _form(kind) -> list[Any]:
     """
     found: list[Any] = []
     for name, wanted in zip(kind.fields, kind, strict=True):
-        like: Any = None, (int if wanted == types.int64 else (int, float))
+        like: Any = None, ((int,) if wanted == types.int64 else (int, float))
         if isinstance(wanted, types.BaseNamedTuple):
             like = _checked_class(wanted.instance_class), _form(wanted)
         elif isinstance(wanted, types.Array):
@@ -237,7 +237,7 @@ def _check(record, form):
                 _check(value, like)
             continue
         if how is None:
-            fits = isinstance(value, like)
+            fits = type(value) in like or isinstance(value, like)
         elif type(how) is str:
             found = getattr(value, how, None)
             fits = found is like or found == like

@@ -101,7 +101,11 @@ class FixedStepper(ResumableStepper, TangentStepper, JumpingStepper):
     ----------
     n : int
         Number of steps made.
+    t : float
+        Time that the march has reached, counted from 0 [time].
     """
+
+    t = 0.0
 
     def __init__(
         self,
@@ -186,10 +190,10 @@ class FixedStepper(ResumableStepper, TangentStepper, JumpingStepper):
         """Set the march to step 0 with an empty memory, from the selected columns of a plan."""
         orders, x = self.system.highest_orders(), plan.initial[columns].copy()
         width, none = x.size, np.zeros((0, plan.initial.size))
-        drift, corrections, starts = (
+        drift, corrections, starts = [
             np.array((none if rows is None else rows)[:, columns].T, order="C")
             for rows in (plan.drift, plan.corrections, plan.starts)
-        )
+        ]
         self.memory.clear()
         self._march = March(
             counts=record(MARCH_COUNTS, zigzag=-1, opened=-1, growth=-1),
@@ -207,7 +211,7 @@ class FixedStepper(ResumableStepper, TangentStepper, JumpingStepper):
             lacks=np.zeros(width),
             newton=self._newton.workspace,
         )
-        self.n = 0
+        self.n, self.t = 0, 0.0
         self._march.monitor["turns"][: orders.size] = np.where(orders == 2, -1.0, 0.0)
         workspace = np.empty((len(StepWorkspace._fields) - 1, width))
         self._workspace = StepWorkspace._make([*workspace, self._marched.positive_units])
@@ -309,16 +313,12 @@ class FixedStepper(ResumableStepper, TangentStepper, JumpingStepper):
             self._watch.note(jacobians, self.n)
 
     def _read_step(self) -> None:
-        """Set `n` to the number of steps that the march has made."""
+        """Set `n` to the number of steps that the march has made, and `t` to their end."""
         self.n = int(self._march.counts["step"])  # counts.step would take ten times as long
+        self.t = self.steps.time(self.n)
 
     # the position that the contract `Stepper` asks for
     position = property(attrgetter("n"))
-
-    @property
-    def t(self) -> float:
-        """Time that the march has reached, counted from 0 [time]."""
-        return self.steps.time(self.n)
 
     @property
     def y(self) -> np.ndarray:

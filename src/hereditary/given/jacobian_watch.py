@@ -42,7 +42,8 @@ class JacobianWatch:
     def __init__(self, region: StabilityRegion | None, system: System, block: int) -> None:
         known, d = system.structure, system.d
         self.watches = region is None or known is not None or d <= _MAX_WATCHED_COMPONENTS
-        self._region = region.orbit(d, system.sources) if region and self.watches else None
+        sources = system.sources if system.reads else None
+        self._region = region.orbit(d, sources) if region and self.watches else None
         self._structure, self._shape = known, (d, d)
         self.every = block * self._region.every if self._region else 0
         self.largest, self.step = 0.0, 0
@@ -69,9 +70,10 @@ class JacobianWatch:
         if self._structure is not None:
             found = [self._structure.matrix(entries[VALUES]) for entries in found]
         ratios = self._region.ratios(found)
-        if ratios.max(initial=0.0) > self.largest:
-            self.largest = float(ratios.max())
-            self.step = int((self._first + np.argmax(ratios)) * self.every)
+        worst = int(ratios.argmax())
+        if ratios[worst] > self.largest:
+            self.largest = float(ratios[worst])
+            self.step = (self._first + worst) * self.every
 
     def _before(self, n: int) -> int:
         """Return the number of Jacobians that are computed in steps 0 to n - 1."""

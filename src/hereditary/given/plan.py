@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from functools import cached_property
 from operator import attrgetter
 from typing import Any
 
@@ -84,7 +85,7 @@ class Convolution:
 
     def check(self, history: Any) -> None:
         """Refuse a history that cannot sum kernels other than power laws, if these occur."""
-        if self.kernels() and not history.takes_kernels:
+        if self.kernels and not history.takes_kernels:
             required = "be another one if terms have kernels other than Caputo's"
             refuse("history", required, repr(history), "use SumOfExponentials, FFT or Direct")
 
@@ -93,23 +94,26 @@ class Convolution:
         """Number of start values of each column."""
         return len(self.start_groups) // len(self.groups)
 
+    @cached_property
     def exponents(self) -> tuple[Any, ...]:
-        """Return the exponents of all power-law kernels in the terms, sorted."""
-        return tuple(sorted(key for key in self._keys() if isinstance(key, float)))
+        """The exponents of all power-law kernels in the terms, sorted."""
+        return tuple(sorted(key for key in self._keys if isinstance(key, float)))
 
+    @cached_property
     def kernels(self) -> tuple[Any, ...]:
-        """Return the kernels that are no power laws, each as a `StepKernel`."""
-        return tuple(key for key in self._keys() if not isinstance(key, float))
+        """The kernels that are no power laws, each as a `StepKernel`."""
+        return tuple(key for key in self._keys if not isinstance(key, float))
 
+    @cached_property
     def _keys(self) -> list[Any]:
-        """Return the distinct results of `WeightRule.exponent` in the order of the terms."""
+        """The distinct results of `WeightRule.exponent` in the order of the terms."""
         lists = self.groups + self.start_groups
         found = [rule.exponent(p) for terms in lists for _, rule, p in terms]
         return [key for key in dict.fromkeys(found) if key is not None]
 
     def has_memory(self) -> bool:
         """Return whether any pieces u_(n-k) with k > 1 have weights."""
-        return bool(self._keys()) or self.first_modal > 3
+        return bool(self._keys) or self.first_modal > 3
 
     def exact(self, n: int) -> tuple[np.ndarray, ...]:
         """Return weights (C, n) of pieces and (V C, n) of start values for k < n."""

@@ -73,9 +73,8 @@ def held(
     n_columns: int, pieces: int = 0, modes: int = 0, starts: int = 0, pending: int = 0
 ) -> HistoryArrays:
     """Return `HistoryArrays` of zeros; the arguments are its numbers of columns and entries."""
-    return HistoryArrays(
-        *(np.zeros((n_columns, size)) for size in (pieces, modes, starts, pending))
-    )
+    sizes = pieces, modes, starts, pending
+    return HistoryArrays(*[np.zeros((n_columns, size)) for size in sizes])
 
 
 # Numba types of references to the tables of a history and to the contents of its memory.

@@ -7,7 +7,7 @@ outside the curve of |zeta| = 1, a mode that decays in the equation grows in the
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -45,7 +45,7 @@ class StabilityRegion:
         Value of memory that f reads, for the mode at the limit of stability and a source of size 1.
         By default `limits`, which holds for explicit schemes.
     sources : ndarray of int64, shape (d,), optional
-        As in `System`.
+        As in `System`; None if no component is memory.
     """
 
     limits: np.ndarray
@@ -55,10 +55,11 @@ class StabilityRegion:
     gains: np.ndarray | None = None
     sources: np.ndarray | None = None
 
-    def orbit(self, d: int, sources: np.ndarray) -> StabilityRegion:
-        """Return the region of stability of the first d components; `sources` as in `System`."""
-        gains = self.limits if self.gains is None else self.gains
-        return replace(self, limits=self.limits[:d], gains=gains[:d], sources=sources)
+    def orbit(self, d: int, sources: np.ndarray | None) -> StabilityRegion:
+        """Return the region of stability of the first d components, which have these `sources`."""
+        limits, gains = self.limits[:d], self.limits if self.gains is None else self.gains
+        curve = self.angles, self.radii, self.first_angle
+        return StabilityRegion(limits, *curve, gains[:d], sources)
 
     @property
     def every(self) -> int:

@@ -253,6 +253,8 @@ def rows_beside(
     Without this shift a step might take f on the wrong side of the jump. `breaks` has the numbers n
     of all breaks t_n. The user's f gets times plus `origin`, so the shift exceeds their rounding.
     """
+    if not breaks:
+        return rows
     theta = rows.theta
     for beside, seen, sign in ((n + 1 in breaks, 1.0, -1.0), (n in breaks, 0.0, 1.0)):
         if beside and np.all(theta == seen):

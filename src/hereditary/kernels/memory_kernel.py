@@ -367,6 +367,8 @@ class KernelErrors(NamedTuple):
 
         Errors of measured kernels count only if they exceed noise.
         """
+        if self == NO_ERRORS:
+            return ""
         error = self.exact if self.noise else max(self)
         if error <= tol:
             return ""

@@ -111,7 +111,7 @@ class SumOfExponentials(History):
             own = _ModesOfAllOrders if past.varies else _FittedModes
             return own(past, n_columns, covered, float(self.tol))
         # cover one more block than the run has, because lags are computed for whole blocks
-        kernels = past.kernels()
+        kernels = past.kernels
         covered = self._covered(span + n_block, kernels, span)
         # a user's kernels may change between runs; tables of power laws are cached
         tabulate = _tabulated if kernels else _kept
@@ -155,7 +155,7 @@ class _Tabulated(NamedTuple):
 
 def _tabulated(convolution: Convolution, covered: float, tol: float, n_block: int) -> _Tabulated:
     """Return the `_Tabulated` of a convolution over `covered` steps, in blocks of `n_block`."""
-    exponents, kernels, tol = convolution.exponents(), convolution.kernels(), float(tol)
+    exponents, kernels, tol = convolution.exponents, convolution.kernels, float(tol)
     fits = [kernel.exponentials(covered, tol) for kernel in kernels]
     sums = [fit_unit(exponents, covered, tol), *fits]
     pad = -sum(own.rates.size for own in sums) % _PAD

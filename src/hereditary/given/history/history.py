@@ -78,7 +78,7 @@ class OpenHistory(ABC):
     @property
     def nbytes(self) -> int:
         """Bytes of `arrays`, without tables."""
-        return sum(array.nbytes for array in self.arrays)
+        return sum([array.nbytes for array in self.arrays])
 
     def clear(self) -> None:
         """Set all arrays to 0, as before the first step."""
