@@ -209,7 +209,7 @@ class AdaptiveStepper(ResumableStepper, TangentStepper, JumpingStepper):
             try:
                 if status == ORDERS_NEEDED:
                     self._orders.fill(self._orbit, origin, limits)
-                status = self._march_on(Steps(*(array[n:] for array in steps)), limits)
+                status = self._march_on(Steps(*[array[n:] for array in steps]), limits)
             except Exception as error:
                 # the steps before the exception are accepted
                 self._error, status = error, REACHED
@@ -240,7 +240,7 @@ class AdaptiveStepper(ResumableStepper, TangentStepper, JumpingStepper):
                 self._ending = SINGULAR_ROWS
         if n == 0:
             return None
-        *piece, errors = (array[:n] for array in steps)
+        *piece, errors = [array[:n] for array in steps]
         self._largest_error = max(self._largest_error, float(errors.max()))
         return PolynomialPieces(*piece)
 

@@ -83,6 +83,8 @@ class System:
         Compiled switches. The system keeps them alive.
     delays : tuple of Delayed
         Delays, whose values the right-hand side reads from `functions`.
+    m, d : int
+        Numbers of initial values of each component, and of components, from the shape of y0.
     """
 
     left: Iterable[SystemTerm]  # a tuple from __post_init__ on
@@ -102,10 +104,14 @@ class System:
     by_params: int = 0
     delays: tuple[Delayed, ...] = ()
     switches: tuple = ()
+    m: int = field(init=False)
+    d: int = field(init=False)
 
     def __post_init__(self) -> None:
         set_once = partial(object.__setattr__, self)
         set_once("left", tuple(self.left))
+        set_once("m", self.y0.shape[0])
+        set_once("d", self.y0.shape[1])
         if self.sources is None:
             set_once("sources", np.arange(self.d))
         if self.quantities is None:
@@ -123,16 +129,6 @@ class System:
         """Number of components of the user's y, where a complex one counts once."""
         n = int(self.of_y.max()) + 1
         return n // 2 if self.frame.paired else n
-
-    @property
-    def m(self) -> int:
-        """Number of initial values of each component: 1, or 2 for y(0) and y'(0)."""
-        return self.y0.shape[0]
-
-    @property
-    def d(self) -> int:
-        """Number of components, including memory that the right-hand side reads."""
-        return self.y0.shape[1]
 
     @_of_left
     def n_solved(self) -> int:

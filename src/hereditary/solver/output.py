@@ -178,7 +178,7 @@ class Output:
             return self._asked[: self._size], y, ydot, None
         if self._rows[0][self._size - 1] < self.end:
             self._add_last()
-        t, y, ydot = (part[: self._size] for part in self._rows)
+        t, y, ydot = [part[: self._size] for part in self._rows]
         at_end = stepper.position == self._stop and not self.ended
         if at_end:
             t[-1] = t_end - start  # n h may miss it by rounding

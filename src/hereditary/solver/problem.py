@@ -65,7 +65,7 @@ class Problem:
     @property
     def acts(self) -> bool:
         """Whether y changes on the way, or the right-hand side has switches."""
-        changing = (getattr(event, "change", None) is not None for event in self.events)
+        changing = [getattr(event, "change", None) is not None for event in self.events]
         return bool(self.switches or self.changes) or any(changing)
 
     def solved(

@@ -1,6 +1,7 @@
 """Number of cores and size of the storage of the machine."""
 
 import os
+from functools import cache
 
 import numpy as np
 
@@ -12,6 +13,7 @@ def cores() -> int:
     return os.cpu_count() or 1
 
 
+@cache
 def machine_storage() -> float:
     """Return the size of the machine's storage in bytes; infinite if the system does not say."""
     try:
