@@ -11,6 +11,7 @@ from ..compiled.jacobian import force_at
 from ..compiled.jit import F8, MAT, VEC, entry
 from ..compiled.signatures import RIGHT_SIDE
 from ..equation.equation import Equation
+from ..equation.system import with_params
 from ..support.checks import refuse, shown
 
 # Samples of a period per harmonic.
@@ -64,7 +65,7 @@ class Balance:
         self._units = self._system.positive_units
         self._frequency, self._along = frequency, along
         self._params, self._h, self.d = self._system.params.copy(), harmonics, equation.d
-        self._right = self._system.compiled_with(self._params)
+        self._right = with_params(self._system, self._params).compiled
         self.size, self._n = (
             self.d * (2 * harmonics + 1),
             max(_SAMPLES_PER_HARMONIC * harmonics + 1, _MIN_SAMPLES_PER_PERIOD),

@@ -36,7 +36,7 @@ from .statement import (
     start_of,
     with_memory,
 )
-from .system import System, displaced
+from .system import System, with_params
 from .terms import SystemTerm
 
 
@@ -335,10 +335,11 @@ class Equation:
         enough.
         """
         system = self.system
-        alone = not system.is_memory.any() and system.structure is None and not self._in_python
-        if not alone or params.size != system.params.size or self._present_values() != self._frozen:
+        alone = not system.reads and system.structure is None and not self._in_python
+        same = params.size == system.functions.params.size
+        if not alone or not same or self._present_values() != self._frozen:
             return None
-        system = displaced(system, system.y0, params)
+        system = with_params(system, params)
         try:
             out = system.rhs(0.0, system.y0[0])
         except Exception:  # the checks of a new equation report it

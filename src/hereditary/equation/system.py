@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
 from typing import Any, TypeVar
 
@@ -161,12 +161,7 @@ class System:
     @cached_property
     def compiled(self) -> RightSide:
         """Right-hand side and its Jacobian for the records of compiled code."""
-        return self.compiled_with(self.functions.params)
-
-    def compiled_with(self, params: np.ndarray) -> RightSide:
-        """Return `compiled` with other parameters (p,)."""
-        functions = self.functions._replace(params=params)
-        return right_side(functions, self.structure is not None, self.by_params)
+        return right_side(self.functions, self.structure is not None, self.by_params)
 
     @property
     def params(self) -> np.ndarray:
@@ -183,13 +178,8 @@ class System:
         if self.force_of_plan is not None:
             return self.force_of_plan(t, y)
         out = np.empty(self.d)
-        force_at(self._right, float(t), np.array(y, dtype=float), out)
+        force_at(self.compiled, float(t), np.array(y, dtype=float), out)
         return out
-
-    @cached_property
-    def _right(self) -> RightSide:
-        """The record `compiled` for single calls."""
-        return self.compiled
 
     def beside(self, t: float, sign: float) -> float:
         """Return a time just after (sign 1) or just before (-1) t, by some units of rounding.
@@ -307,14 +297,14 @@ class System:
         out = np.empty((d, d)) if structure is None else structure.entries.copy()
         y = np.array(y, dtype=float)
         units = self.positive_units if units is None else units
-        jacobian_at(self._right, float(t), y, units, out)
+        jacobian_at(self.compiled, float(t), y, units, out)
         return out if structure is None else structure.matrix(out[VALUES])
 
     def derivatives_by_parameters(self, t: float, y: np.ndarray) -> np.ndarray:
         """Return d rhs / d p at (t, y) by the first `by_params` parameters, (by_params, d)."""
         out = np.empty((self.by_params, self.d))
         if self.by_params:
-            derivatives_by_parameters(self._right, float(t), np.array(y, dtype=float), out)
+            derivatives_by_parameters(self.compiled, float(t), np.array(y, dtype=float), out)
         return out
 
     @cached_property
@@ -322,7 +312,7 @@ class System:
         """Units of the components, (d,), for differences where y is small; 0 if unknown."""
         if self.has_jac:
             return np.ones(self.d)
-        return units_of(self._right, self.at_start)
+        return units_of(self.compiled, self.at_start)
 
     @property
     def positive_units(self) -> np.ndarray:
@@ -352,9 +342,11 @@ class System:
         return np.where(self.highest_orders() > 1, ydot, slope)
 
 
-_OF_LEFT = tuple(name for name, found in vars(System).items() if isinstance(found, _of_left))
-# Fields and properties that a displaced system has as well.
-_KEPT = (*(field.name for field in fields(System)), *_OF_LEFT)
+_CACHED = {name: kind for name, kind in vars(System).items() if isinstance(kind, cached_property)}
+# Properties that follow from the left side alone.
+_OF_LEFT = frozenset(name for name, kind in _CACHED.items() if isinstance(kind, _of_left))
+# Properties that follow from initial values or functions as well.
+_OF_REST = _CACHED.keys() - _OF_LEFT
 
 
 def refuse_late(system: System, t_end: float) -> None:
@@ -432,19 +424,33 @@ def displaced(system: System, y0: np.ndarray, params: np.ndarray | None = None) 
     """
     functions, delays = system.functions, system.delays
     if params is not None:
-        functions = functions._replace(params=np.append(params, functions.params[params.size :]))
+        params = np.concatenate((params, functions.params[params.size :]))
+        functions = functions._replace(params=params)
     if delays:
         displacement = (y0 - system.y0[:, : y0.shape[1]])[0, : system.n_solved]
         delays = tuple(each.displaced(displacement) for each in delays)
         values = functions.delays.values.copy()
         values[:, 0, :, 0] += displacement
         functions = functions._replace(delays=functions.delays._replace(values=values))
-    y0 = np.take(y0, system.sources, axis=1)
+    y0 = y0.take(system.sources, axis=1)
     y0.flags.writeable = False
-    # `replace` would check the fields again, and forget what follows from the left side
+    return _sharing(system, y0=y0, functions=functions, delays=delays)
+
+
+def with_params(system: System, params: np.ndarray) -> System:
+    """Return the system with these parameters (p,), as many as it has."""
+    functions = system.functions._replace(params=params)
+    return _sharing(system, functions=functions, at_start=system.at_start)
+
+
+def _sharing(system: System, **changed: Any) -> System:
+    """Return a system with some values changed, and all that follows from the left side.
+
+    `replace` would check the fields again, and forget what follows from them.
+    """
     for name in _OF_LEFT:
-        getattr(system, name)
-    found, known = object.__new__(System), vars(system)
-    vars(found).update({name: known[name] for name in _KEPT if name in known})
-    vars(found).update(y0=y0, functions=functions, delays=delays)
+        if name not in system.__dict__:
+            getattr(system, name)
+    found, known = object.__new__(System), vars(system).copy()  # to which other threads may add
+    vars(found).update({name: known[name] for name in known if name not in _OF_REST}, **changed)
     return found

@@ -190,18 +190,18 @@ def units_of(right: RightSide, y0: np.ndarray) -> np.ndarray:
     that in f.
     """
     units = np.abs(y0)
-    small = np.flatnonzero(units <= _NEXT_TO_0_FRACTION * units.max())
+    (small,) = (units <= _NEXT_TO_0_FRACTION * units.max()).nonzero()
     if y0.size > FEW:  # one unit for all components of a large system
         units[:] = units.max() or np.abs(_moved(right, y0)).max()
         small = small[:0]
-    with np.errstate(all="ignore"):  # steps may grow beyond all numbers
-        for c in small.tolist():
-            units[c] = _visible_step(right, y0, c)
+    for c in small.tolist():
+        units[c] = _visible_step(right, y0, c)
     # powers of two, with which scaling is exact
     known = (units > LEAST) & (units < np.inf)
     return np.ldexp(known.astype(float), np.frexp(np.where(known, units, 1.0))[1] - 1)
 
 
+@np.errstate(all="ignore")  # steps may grow beyond all numbers
 def _visible_step(right: RightSide, y0: np.ndarray, c: int) -> float:
     """Return a step of component c that changes f clearly and proportionally at t = 0.
 
