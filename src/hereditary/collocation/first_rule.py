@@ -103,13 +103,12 @@ def _legendre(variable: Variable, logs: np.ndarray) -> np.ndarray:
 @lru_cache(maxsize=64)
 def first_rule(variable: Variable, orders: tuple[float, ...]) -> Rule:
     """Return the `Rule` of a first step of length 1, with fractional integrals of these orders."""
-    u, looks = radau_nodes(variable.n), check_points_of(variable.n)
-    logs, logs_of_looks = variable.logs(u), variable.logs(looks)
-    integrals = np.exp(np.multiply.outer(orders, logs))[..., None] * means(variable, orders, logs)
-    seen = np.exp(logs_of_looks)[:, None] * means(variable, (1.0,), logs_of_looks)[0]
-    unused = np.full((variable.n, variable.n), np.nan)  # equations with p' begin with tiny steps
-    parts = np.exp(logs), integrals, to_legendre(variable.n), unused, np.exp(logs_of_looks), seen
-    looked = functions(variable, logs_of_looks)
+    n, logs, looks = variable.n, node_logs(variable), variable.logs(check_points_of(variable.n))
+    integrals = np.exp(np.multiply.outer(orders, logs))[..., None] * means(variable, orders)
+    seen = np.exp(looks)[:, None] * means(variable, (1.0,), True)[0]
+    unused = np.full((n, n), np.nan)  # equations with p' begin with tiny steps
+    parts = np.exp(logs), integrals, to_legendre(n), unused, np.exp(looks), seen
+    looked = _at_products(n, True)[..., -1].T @ to_legendre(n)  # the last node is 1
     return checked(Rule(*(np.array(part, order="C") for part in (*parts, looked))))
 
 
@@ -137,28 +136,43 @@ def known_at_nodes(n: int, n_weights: int, n_kernels: int) -> tuple[ExponentialB
     )
 
 
-def means(variable: Variable, orders: tuple[float, ...], logs: np.ndarray) -> np.ndarray:
-    """Return ``J**a l_j / t**a`` at k times with logarithms `logs`, shape (n_a, k, n).
+def means(variable: Variable, orders: tuple[float, ...], looks: bool = False) -> np.ndarray:
+    """Return ``J**a l_j / t**a`` at the nodes, or at the k check points, shape (n_a, k, n).
 
     l_j are the n Lagrange polynomials in u, and a is one of n_a orders. The values are finite for
-    all t.
+    all t. `looks` says whether to take the check points.
     """
     points, v, rule = graded_rule()
     a = np.array(orders)[:, None]
     # over the width that the rule leaves out, the kernel is integrated in closed form
     weights = rgamma(a) * np.hstack([rule * v ** (a - 1), LEFT_OUT**a / a])
-    points = np.append(np.log(points), 0.0)
     if variable.c == 0.0:  # u of a product of times is a product: one rule on the nodes suffices
-        weights = weights @ _at_rule_and_end(variable)
-        points = variable.logs(radau_nodes(variable.n))
-    within = np.add.outer(logs, points)
-    return (_legendre(variable, within) @ weights.T).T @ to_legendre(variable.n)
+        weights, values = weights @ _at_rule_and_end(variable), _at_products(variable.n, looks)
+    else:
+        logs = variable.logs(_points(variable.n, looks))
+        values = _legendre(variable, np.add.outer(logs, np.append(np.log(points), 0.0)))
+    return (values @ weights.T).T @ to_legendre(variable.n)
+
+
+def _points(n: int, looks: bool) -> np.ndarray:
+    """Return the check points of a step with n nodes, or its nodes, as values of u, (k,)."""
+    return check_points_of(n) if looks else radau_nodes(n)
+
+
+@lru_cache(maxsize=8)
+def _at_products(n: int, looks: bool) -> np.ndarray:
+    """Return the shifted Legendre polynomials at products of a point and a node, (n, k, n).
+
+    The points are those of `_points`.
+    """
+    u = np.multiply.outer(_points(n, looks), radau_nodes(n))
+    return legendre_values(2 * u.ravel() - 1, n - 1).reshape(n, *u.shape)
 
 
 @lru_cache(maxsize=64)
 def means_at_nodes(variable: Variable) -> np.ndarray:
     """Return the means of the n Lagrange polynomials from the start to each node, (n, n)."""
-    return means(variable, (1.0,), variable.logs(radau_nodes(variable.n)))[0]
+    return means(variable, (1.0,))[0]
 
 
 def convolutions(variable: Variable, kernel: MemoryKernel, h: float) -> np.ndarray:
