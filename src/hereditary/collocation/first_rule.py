@@ -147,7 +147,8 @@ def means(variable: Variable, orders: tuple[float, ...], looks: bool = False) ->
     # over the width that the rule leaves out, the kernel is integrated in closed form
     weights = rgamma(a) * np.hstack([rule * v ** (a - 1), LEFT_OUT**a / a])
     if variable.c == 0.0:  # u of a product of times is a product: one rule on the nodes suffices
-        weights, values = weights @ _at_rule_and_end(variable), _at_products(variable.n, looks)
+        weights = weights @ _at_rule_and_end(variable).T @ to_legendre(variable.n)
+        values = _at_products(variable.n, looks)
     else:
         logs = variable.logs(_points(variable.n, looks))
         values = _legendre(variable, np.add.outer(logs, np.append(np.log(points), 0.0)))
@@ -194,8 +195,8 @@ def convolutions(variable: Variable, kernel: MemoryKernel, h: float) -> np.ndarr
 
 @lru_cache(maxsize=16)
 def _at_rule_and_end(variable: Variable) -> np.ndarray:
-    """Return the n Lagrange polynomials at the k points of `graded_rule` and at 1, (k + 1, n)."""
-    return functions(variable, np.append(np.log(graded_rule()[0]), 0.0))
+    """Return the n Legendre polynomials in u at k points of `graded_rule`, and at 1, (n, k + 1)."""
+    return _legendre(variable, np.append(np.log(graded_rule()[0]), 0.0))
 
 
 @lru_cache(maxsize=16)

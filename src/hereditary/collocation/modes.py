@@ -56,10 +56,13 @@ class Modes(NamedTuple):
 
 
 def joined(
-    form: Form, s: int, power_laws: PowerLawBasis, kernels: KernelBasis, varying: VaryingBasis
+    n_varying: int, s: int, power_laws: PowerLawBasis, kernels: KernelBasis, varying: VaryingBasis
 ) -> Modes:
-    """Return the `Modes` of three sums of exponentials, for steps with s nodes."""
-    n_varying, size = len(form.varying), varying.rates.size
+    """Return the `Modes` of three sums of exponentials, the last one for `n_varying` orders.
+
+    Steps have s nodes.
+    """
+    size = varying.rates.size
     without = Bank(varying.rates, np.zeros((n_varying, size)))
     bank = Bank.of([power_laws, *kernels.sums, without])
     weights, n = bank.real_modes(bank.weights), bank.n_real
@@ -75,9 +78,9 @@ def joined(
 
 
 @lru_cache(maxsize=_MODES_MAX)
-def no_modes(form: Form, s: int) -> Modes:
+def no_modes(n_varying: int, s: int) -> Modes:
     """Return the `Modes` before the first fit, which are none."""
-    return joined(form, s, NO_POWER_LAWS, NO_KERNELS, NOTHING_VARIES)
+    return joined(n_varying, s, NO_POWER_LAWS, NO_KERNELS, NOTHING_VARIES)
 
 
 def opened(
@@ -98,7 +101,7 @@ def opened(
     if kernels is None:
         kernels = kernel_basis(form.kernels, closest, farthest, t_end, tol)
     varying = varying_basis(closest, farthest, tol) if form.varying else NOTHING_VARIES
-    return joined(form, s, power_laws, kernels, varying)
+    return joined(len(form.varying), s, power_laws, kernels, varying)
 
 
 # The same modes for the same form, nodes, time lags and tolerance.

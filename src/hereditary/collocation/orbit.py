@@ -78,7 +78,7 @@ class OrbitAndTangents:
         self.last = np.zeros((n_columns, form.n_integrands, d, n_nodes))
         self.last_length, self._singular, self._prefitted = 0.0, None, None
         self._equations = None
-        self._take(no_modes(form, n_nodes))
+        self._take(no_modes(len(form.varying), n_nodes))
 
     def _of_terms(self, constants: np.ndarray) -> np.ndarray:
         """Return the constant subtracted from the integrand of each term, (1 + k, n).
@@ -113,7 +113,7 @@ class OrbitAndTangents:
 
     def _join(self, *sums: Any) -> None:
         """Take sums of power laws, general kernels and varying orders as the modes."""
-        self._take(joined(self._form, self.last.shape[3], *sums))
+        self._take(joined(len(self._form.varying), self.last.shape[3], *sums))
 
     def _take(self, sums: Modes) -> None:
         """Take these `Modes`."""

@@ -139,6 +139,7 @@ def through_start(s: int) -> np.ndarray:
     return _frozen(np.linalg.inv(leg.legvander(2 * points - 1, s)))
 
 
+@lru_cache(maxsize=16)
 def check_points_of(s: int) -> np.ndarray:
     """Return the points of a step, besides its nodes, at which f is checked, (2 + s,).
 
@@ -146,7 +147,7 @@ def check_points_of(s: int) -> np.ndarray:
     """
     ends = np.concatenate([[0.0], radau_nodes(s)])
     # of all midpoints between nodes, this one shows most often that a solution slides along a jump
-    return np.concatenate([[0.0, ends[s - 2 : s].mean()], (np.arange(s) + _LOOK) / s])
+    return _frozen(np.concatenate([[0.0, ends[s - 2 : s].mean()], (np.arange(s) + _LOOK) / s]))
 
 
 @lru_cache(maxsize=16)

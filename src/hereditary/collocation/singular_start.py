@@ -153,7 +153,7 @@ def _rate_of_terms(form: Form, exponent: float) -> float:
     """
     powers = (form.terms["index"] >= 0) & (form.terms["index"] < form.orders.size)
     terms = form.terms[powers & (form.terms["integrand"] == PRIMARY)]
-    terms = terms[np.isclose(form.orders[terms["index"]], exponent, rtol=1e-9, atol=0.0)]
+    terms = terms[np.abs(form.orders[terms["index"]] - exponent) <= 1e-9 * exponent]
     rates = np.abs(terms["coefficient"])
     return (
         math.sqrt(rates.min() * rates.max())
