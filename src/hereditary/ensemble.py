@@ -621,10 +621,10 @@ class _Run:
         ended = Drive(stepper, end, advance, self._interruption, self._no_bar).to(end)
         if stepper.position <= 1 and stepper.failure:
             return self._solve(m)  # which tells what is wrong at the start
-        ended, message = ended or Ending(reached_end(stepper)), ""
+        ended, message = ended or Ending(reached_end(stepper.diagnostics)), ""
         if ended.status is not Status.COMPLETED:
             with silence():
-                message = report(stepper, ended)
+                message = report(stepper, ended, stepper.diagnostics)
         counts = stepper.stats()
         self._ends[m] = (ended.status, message, counts["n_steps"], counts["n_rhs"])
 

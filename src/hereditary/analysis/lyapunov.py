@@ -420,7 +420,7 @@ def _found(
     seconds: float,
 ) -> LyapunovResult:
     """Return the result of a run that has ended, from its renormalisations (n, 1 + k)."""
-    ended = ended or Ending(reached_end(stepper))
+    ended = ended or Ending(reached_end(stepper.diagnostics))
     h, transient = settings["h"], settings["transient"]
     times, totals = h * grown[:, 0], np.cumsum(grown[:, 1:], axis=0)
     n_early = np.count_nonzero(grown[:, 0] <= round(transient / h))
@@ -446,7 +446,7 @@ def _found(
         kaplan_yorke=dimension,
         mode=settings["mode"],
         status=ended.status,
-        message=report(stepper, ended) + _lost_digits(grown[:, 1:]),
+        message=report(stepper, ended, stepper.diagnostics) + _lost_digits(grown[:, 1:]),
         y=equation.system.frame.values(stepper.y[: equation.d]),
         settings=settings,
         stats={

@@ -221,8 +221,8 @@ def _by_tangents(
         rows = _between_steps(stepper, times - start, made)
     else:
         rows = _at_steps(stepper, kept_steps(times, stepping.h, start), made)
-    ended = stepper.failure or Ending(reached_end(stepper))
-    message = report(stepper, ended)
+    ended = stepper.failure or Ending(reached_end(stepper.diagnostics))
+    message = report(stepper, ended, stepper.diagnostics)
     columns = np.array(rows).reshape(len(rows), 1 + directions.shape[1], equation.d)
     y, every = columns[:, 0], np.moveaxis(columns[:, 1:], 1, 2)
     return Sensitivities(

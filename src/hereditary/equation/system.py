@@ -122,7 +122,7 @@ class System:
     def spread(self, values: Any) -> np.ndarray:
         """Return values for all components, (d,), from one number or from values for y."""
         values = np.asarray(values)
-        return np.full(self.d, values) if values.ndim == 0 else values[self.of_y]
+        return np.zeros(self.d) + values if values.ndim == 0 else values[self.of_y]
 
     @property
     def n_y(self) -> int:

@@ -13,7 +13,7 @@ from ..compiled.callbacks import PythonRaised, pass_on
 from ..compiled.jacobian import FEW
 from ..stepping.state import State
 from ..stepping.status import Ending, SolveWarning, Status
-from ..stepping.stepper import ResumableStepper, Stepper
+from ..stepping.stepper import Diagnostics, ResumableStepper, Stepper
 from ..support.warning import warn
 from .output import Output
 from .progress import Interruption, ProgressBar
@@ -102,8 +102,9 @@ def run(
             ended = march(Drive(stepper, stop, advance, interruption, bar), stop)
     finally:
         bar.close()
-    ended = ended or Ending(reached_end(stepper))
-    if ended.status is Status.EVENT and stepper.diagnostics.misfit:
+    diagnostics = stepper.diagnostics
+    ended = ended or Ending(reached_end(diagnostics))
+    if diagnostics.misfit and ended.status is Status.EVENT:
         ended = Ending(Status.KERNEL_INACCURATE)
     signs = events.signs()
     t, y, ydot, dense = output.close(t_end)
@@ -119,7 +120,7 @@ def run(
         y=frame.values(y),
         ydot=frame.slopes(y, ydot) if system.m == 2 or frame.speeds else None,
         status=ended.status,
-        message=report(stepper, ended),
+        message=report(stepper, ended, diagnostics),
         stats=stats,
         # making a state takes as long as several steps: a small one is made when it is asked for,
         # and until then the solution keeps the stepper
@@ -160,20 +161,18 @@ def note_missed(solution: Solution, stepper: Stepper) -> None:
         )
 
 
-def reached_end(stepper: Stepper) -> Status:
+def reached_end(diagnostics: Diagnostics) -> Status:
     """Return the status of a run that reached its end."""
-    diagnostics = stepper.diagnostics
     inaccurate = Status.KERNEL_INACCURATE if diagnostics.misfit else None
     return diagnostics.instability or inaccurate or Status.COMPLETED
 
 
-def report(stepper: Stepper, ended: Ending) -> str:
+def report(stepper: Stepper, ended: Ending, diagnostics: Diagnostics) -> str:
     """Return the message of a run, its status with numbers; warn if it ended early or is unstable.
 
     There is no warning if a function called in Python raised: its exception is raised again later.
     """
-    inaccurate, diagnostics = Status.KERNEL_INACCURATE, stepper.diagnostics
-    status, detail, error = ended
+    inaccurate, (status, detail, error) = Status.KERNEL_INACCURATE, ended
     detail = diagnostics.misfit if status is inaccurate else detail
     message = status.sentence + (f": {detail}" if detail else "")
     if diagnostics.misfit and status is not inaccurate:
