@@ -195,13 +195,13 @@ def units_of(right: RightSide, y0: np.ndarray) -> np.ndarray:
         units[:] = units.max() or np.abs(_moved(right, y0)).max()
         small = small[:0]
     for c in small.tolist():
-        units[c] = _visible_step(right, y0, c)
+        with np.errstate(all="ignore"):  # steps may grow beyond all numbers
+            units[c] = _visible_step(right, y0, c)
     # powers of two, with which scaling is exact
     known = (units > LEAST) & (units < np.inf)
     return np.ldexp(known.astype(float), np.frexp(np.where(known, units, 1.0))[1] - 1)
 
 
-@np.errstate(all="ignore")  # steps may grow beyond all numbers
 def _visible_step(right: RightSide, y0: np.ndarray, c: int) -> float:
     """Return a step of component c that changes f clearly and proportionally at t = 0.
 
