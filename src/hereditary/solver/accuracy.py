@@ -314,7 +314,7 @@ class Provenance:
 
     def _has_rows(self, solution: Solution) -> bool:
         """Return whether a solution has rows after the start of its equation."""
-        return bool(np.any(solution.t[-1:] > self.problem.system.frame.start))
+        return bool((solution.t[-1:] > self.problem.system.frame.start).any())
 
     def _steps(self, solution: Solution) -> int:
         """Return the number of steps of a solution, from the state on if it was resumed."""
@@ -369,6 +369,8 @@ def _warn(accuracy: Accuracy, steps: str, unknown: str) -> None:
     `unknown` says why that run has not reached the end; it is empty if it has.
     """
     largest = float(accuracy.largest.max())
+    if not (largest > _MAX_ERROR_WITHOUT_WARNING or unknown.startswith(_MORE)):
+        return
     last, end = 100 * float(accuracy.at_end.max()), accuracy.t[-1]
     end = f"at t = {end:.4g}, where that run ends" if unknown else "at the end"
     errors = (
@@ -384,10 +386,8 @@ def _warn(accuracy: Accuracy, steps: str, unknown: str) -> None:
             "or it is chaotic, which it is if runs to rtol=1e-6 and rtol=1e-8 differ as much; "
             f"{errors}"
         )
-    elif largest > _MAX_ERROR_WITHOUT_WARNING:
-        text = f"{errors}, with {steps}"
     else:
-        return
+        text = f"{errors}, with {steps}"
     warn(f"{text}; take rtol=1e-6, or more steps; {_LEFT_OUT}", SolveWarning)
 
 
