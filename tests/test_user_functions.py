@@ -2,12 +2,15 @@
 
 import pickle
 import warnings
+from types import ModuleType
 
 import numpy as np
 import pytest
 from numba import njit
+from numba.core.codegen import JITCPUCodegen
 
 import hereditary as hd
+from hereditary.compiled import numba_internals
 
 pytestmark = pytest.mark.core
 
@@ -308,6 +311,58 @@ def test_a_function_of_no_module_is_checked_like_any_other():
     with pytest.warns(hd.SolveWarning, match="IndexError"):
         sol = run(equation(made["rhs"]))
     assert sol.status is hd.Status.RHS_FAILED
+
+
+def test_it_may_print_too(capfd):
+    made: dict = {}
+    exec("def rhs(t, y):\n    print('at', t)\n    return -y", made)
+    eq = equation(made["rhs"], params=())
+    capfd.readouterr()
+    eq.system.rhs(0.5, np.ones(1))
+    assert capfd.readouterr().out == "at 0.5\n"
+
+
+@njit
+def recursive(n):
+    return 1.0 if n < 2 else recursive(n - 1) + recursive(n - 2)
+
+
+HELPERS = ModuleType("helpers")
+HELPERS.doubled = njit(lambda y: 2.0 * np.asarray(y))  # type: ignore[attr-defined]
+
+
+@pytest.mark.parametrize(
+    ("rhs", "expected"),
+    [
+        (lambda t, y: -recursive(6) * y, [-13.0, -26.0]),
+        (lambda t, y: (y[1], 0), [2.0, 0.0]),
+        (lambda t, y: [y[1], 3], [2.0, 3.0]),
+    ],
+)
+def test_helpers_and_values_of_all_kinds_are_compiled(rhs, expected):
+    eq = equation(rhs, [1.0, 2.0], params=())
+    assert eq.system.functions.bare
+    assert eq.system.rhs(0.0, np.array([1.0, 2.0])).tolist() == expected
+
+
+def test_a_helper_that_an_equation_has_compiled_is_called_in_python():
+    assert equation(lambda t, y: HELPERS.doubled(y), params=()).system.functions.bare
+    assert HELPERS.doubled(np.ones(2)).tolist() == [2.0, 2.0]
+
+
+@pytest.mark.skipif(not numba_internals.LINKED, reason="plain numba makes more")
+def test_one_machine_code_is_made_of_a_function_and_its_helpers(monkeypatch):
+    made = []
+    add = JITCPUCodegen._add_module
+    monkeypatch.setattr(
+        JITCPUCodegen, "_add_module", lambda self, module: made.append(add(self, module))
+    )
+
+    def helper(y):
+        return np.asarray(3.0 * y)
+
+    equation(lambda t, y: -helper(y), [1.0, 2.0], params=())
+    assert len(made) == 1
 
 
 def test_a_function_that_is_known_is_compared_at_every_start():

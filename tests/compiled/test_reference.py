@@ -6,7 +6,7 @@ from typing import Annotated, Any, NamedTuple
 
 import numpy as np
 import pytest
-from numba import config
+from numba import config, njit
 from numba.core import event
 
 import hereditary as hd
@@ -20,7 +20,6 @@ from hereditary.compiled.jit import (
     checked,
     compiled,
     compiled_type,
-    derived,
     entry,
     inner,
 )
@@ -94,7 +93,7 @@ def no_slope(t, y, out, params):
 
 
 def work(**changes):
-    system = System(as_value(derived(decay), RHS_SIG), np.ones(1))
+    system = System(as_value(njit(decay), RHS_SIG), np.ones(1))
     counts, matrix = record(MARCH_COUNTS), np.array([[0.0, 0.0], [1.0, 0.0]])
     made = Work(system, 2, 0.5, matrix, counts, Room(np.zeros(3), np.ones(3)))
     return made._replace(**changes)

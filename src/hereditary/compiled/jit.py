@@ -21,7 +21,7 @@ from numba import config, njit, types
 
 from . import numba_internals as internals
 from .cache import CodeCache
-from .reference import Reference, as_checked, by_reference
+from .reference import FunctionField, Reference, as_checked, by_reference
 
 F8 = types.float64
 I8 = types.int64
@@ -214,12 +214,14 @@ def _refuse_arrays(result):
             )
 
 
-def derived(fun, allocates=True):
+def derived(fun, allocates=True, wrapped=False):
     """Return a compiled function that calls a user's functions, for this process only.
 
     `allocates` is False if it neither makes nor returns arrays; then numba counts no references.
+    Python may call it only if it is `wrapped`.
     """
-    return njit(error_model="numpy", nogil=True, **_counting(allocates))(fun)
+    how = _counting(allocates) | internals.without("cfunc", *["cpython"] * (not wrapped))
+    return njit(error_model="numpy", nogil=True, **how)(fun)
 
 
 def _counting(allocates):
@@ -293,3 +295,31 @@ class entry:
         call.__name__ = fun.__name__
         call.dispatcher, call.compiled = dispatcher, ready
         return call
+
+
+@entry(FunctionField(RHS_SIG), F8, VEC, VEC, VEC)
+def _call(function, t, y, dy, params):
+    """Call a right-hand side; this is the way from Python."""
+    function(t, y, dy, params)
+
+
+class _RightHandSide:
+    """A right-hand side of `derived`, as the value of a field of a record.
+
+    Python calls it through `_call`. A wrapper of its own would take a third of its compilation.
+    """
+
+    def __init__(self, fun):
+        self._compiled = as_value(fun, RHS_SIG)  # keeps the machine code alive
+        self.address, self.of_signature = self._compiled.address, RHS_SIG
+        self._numba_type_ = FunctionField(RHS_SIG)
+
+    def __call__(self, t, y, dy, params):
+        _call(self, t, y, dy, params)
+
+
+def derived_value(fun, signature, allocates=True):
+    """Return a function that calls a user's functions, as the value of a field of a record."""
+    if signature == RHS_SIG:
+        return _RightHandSide(derived(fun, allocates))
+    return as_value(derived(fun, allocates, wrapped=True), signature)

@@ -37,6 +37,8 @@ _FunctionCache: Any = _private("core.caching", "FunctionCache")
 _IndexFile: Any = _private("core.caching", "IndexDataCacheFile")
 _Result: Any = _private("core.compiler", "CompileResult")
 _cpu_target: Any = _private("core.registry", "cpu_target")
+_environment_of: Any = _private("core.environment", "lookup_environment")
+_compiler_lock: Any = _private("core.compiler_lock", "global_compiler_lock")
 
 
 class Inner(_Dispatcher):
@@ -65,22 +67,51 @@ class _LinkedCompiler(_Compiler):
 
 
 class _LinkedLibrary(_Library):
-    """LLVM code of a function without machine code and without numba's environment object."""
+    """LLVM code of a function, which has machine code only if its address is asked for.
 
-    codegen = SimpleNamespace(set_env=lambda name, environment: None)
+    numba asks for the address of a function that Python calls. Until then the function has no
+    object of numba that holds its environment, either.
+    """
+
+    _alone = False  # whether it has machine code
+
+    @property
+    def codegen(self):
+        """The code generator, or one that sets no environment."""
+        return self._codegen if self._alone else SimpleNamespace(set_env=lambda name, found: None)
 
     def _optimize_final_module(self):
-        pass
+        if self._alone:
+            super()._optimize_final_module()
 
     def _finalize_final_module(self):
+        if self._alone:
+            super()._finalize_final_module()
+            return
         self._finalize_dynamic_globals()
         self._verify_declare_only_symbols()
         self._finalized = True
 
     def get_pointer_to_function(self, name):
-        """Return 0, because there is no machine code that an address could point to."""
-        self._ensure_finalized()
-        return 0
+        """Return the address of a function; 0 if this library has no function of that name."""
+        if not self._alone:
+            functions = self._final_module.functions
+            if not any(f.name == name and not f.is_declaration for f in functions):
+                return 0
+            self._alone = True
+            if self._finalized:
+                self._optimize_final_module()
+                self._finalize_final_module()
+        address = super().get_pointer_to_function(name)
+        set_environments(SimpleNamespace(library=self))
+        return address
+
+
+class _Part(_LinkedLibrary):
+    """LLVM code of a function, which its callers optimise."""
+
+    def _optimize_functions(self, module):
+        module.data_layout = self._codegen._data_layout
 
 
 class Entries(_FunctionCache):
@@ -165,7 +196,11 @@ def _links():
         and isinstance(_Library.codegen, property)
         and _takes(_Compiler, "compile_extra func")
         and "library" in _arguments(_Compiler)
-        and _takes(_Result, "_find_referenced_environments")
+        and _takes(_Library, "_optimize_functions ll_module")
+        and {"env_name"} == _arguments(_environment_of)
+        and hasattr(_private("core.codegen", "JITCPUCodegen"), "_library_class")
+        and hasattr(_private("core.codegen", "RuntimeLinker")(), "_unresolved")
+        and callable(_compiler_lock.__enter__)
         and _takes(_private("core.codegen", "JITCPUCodegen"), "set_env env_name env")
     )
 
@@ -240,8 +275,31 @@ def linked(fun, options):
 
 def set_environments(result):
     """Set in the machine code of a result the environments of all functions linked into it."""
-    for environment in result._find_referenced_environments() if LINKED else ():
-        result.library.codegen.set_env(environment.env_name, environment)
+    for variable in result.library._final_module.global_variables if LINKED else ():
+        environment = _environment_of(variable.name)
+        if environment is not None:
+            result.library.codegen.set_env(variable.name, environment)
+
+
+def built_as_one(build):
+    """Return ``build()``, which makes one compiled function of several.
+
+    Only a function whose address is asked for gets machine code, which has all that it calls. This
+    takes half the time. Machine code finds recursive functions by their addresses. If there are
+    any, `build` is called again, and each function gets machine code of its own.
+    """
+    if not LINKED:
+        return build()
+    _cpu_target.target_context.refresh()  # numba's runtime has machine code of its own
+    codegen = _cpu_target.target_context.codegen()
+    with _compiler_lock:
+        known, codegen._library_class = codegen._library_class, _Part
+        missing = set(codegen._rtlinker._unresolved)
+        try:
+            found = build()
+        finally:
+            codegen._library_class = known
+        return found if missing == set(codegen._rtlinker._unresolved) else build()
 
 
 def address_of(result):

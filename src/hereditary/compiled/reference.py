@@ -126,6 +126,15 @@ def _call(context, builder, sig, args):
     return found
 
 
+@unbox(FunctionField)
+def _address(typ, function, c):
+    """Emit code that reads the address of a function from a Python object."""
+    address = c.pyapi.object_getattr_string(function, "address")
+    place = c.pyapi.long_as_voidptr(address)
+    c.pyapi.decref(address)
+    return NativeValue(place, is_error=c.pyapi.c_api_error())
+
+
 @unbox(Reference)
 def _fill(typ, filled, c):
     """Emit code that makes a record on the caller's frame from a `Filled`.
@@ -151,10 +160,6 @@ def _fill_part(c, record, values, place):
             form = ir.FunctionType(ir.IntType(32), [part.type for part in parts])
             adapt = cgutils.get_or_insert_function(c.builder.module, form, "numba_adapt_ndarray")
             c.builder.call(adapt, parts)
-        elif isinstance(kind, FunctionField):
-            address = c.pyapi.object_getattr_string(value, "address")
-            c.builder.store(c.pyapi.long_as_voidptr(address), at)
-            c.pyapi.decref(address)
         else:
             native = c.unbox(kind, value)
             c.builder.store(native.value, at)

@@ -23,8 +23,8 @@ from numba import config, types
 from numba.core.errors import NumbaPendingDeprecationWarning
 from numba.extending import is_jitted
 
-from ..compiled.jit import F8, as_value, compiling, derived
-from ..compiled.numba_internals import options_of, stated_options, without
+from ..compiled.jit import F8, compiling, derived, derived_value
+from ..compiled.numba_internals import built_as_one, options_of, stated_options, without
 from ..support.checks import complaint, refuse, shown
 from ..support.warning import warn
 from .messages import compile_reason, defined, line_of, writing_complaint
@@ -181,7 +181,7 @@ def _version(candidate: Candidate, key: tuple, arity: int, form: str) -> _Versio
         if known is None or known[2:] != (arity, form):
             with warnings.catch_warnings():  # a warning about lists
                 warnings.simplefilter("ignore", NumbaPendingDeprecationWarning)
-                found, reason = _build(candidate, key, arity, form)
+                found, reason = built_as_one(lambda: _build(candidate, key, arity, form))
             known = _Version(found, reason, arity, form)
             if known.compiled:
                 _warn_of_versions(candidate.name, candidate.plain)
@@ -232,11 +232,13 @@ def _build(candidate: Candidate, key: tuple, arity: int, form: str) -> tuple[Any
         jitted.disable_compile()
         returned = jitted.nopython_signatures[0].return_type
         simple = isinstance(returned, (types.NoneType, types.Number, types.Boolean))
+        if isinstance(returned, types.Tuple):  # entries of several types
+            jitted = derived(_as_array(jitted))
         copied = bool(_PAST_READ_ONLY & code_names(key[0]))
         adapter = (_reading if k else _adapter)(jitted, arity, form, n_axes)
-        adapter = derived(adapter, allocates=not simple)
-        adapter = derived(_of_copies(adapter, k)) if copied else adapter
-        return as_value(adapter, candidate.signature), ""
+        if copied:
+            adapter, simple = _of_copies(derived(adapter), k), False
+        return derived_value(adapter, candidate.signature, allocates=not simple), ""
     except Exception as error:  # numba raises exceptions of many types
         if _compiles(fresh(fun, inner, inside), [a.copy(readonly=False) for a in own[1:]]):
             raise TypeError(writing_complaint(candidate.name, plain, error)) from error
@@ -250,6 +252,11 @@ def _compiles(jitted: Any, arrays: list) -> bool:
     except Exception:
         return False
     return True
+
+
+def _as_array(fun: Any) -> Callable[..., np.ndarray]:
+    """Return a function that calls `fun` and makes an array of its values."""
+    return lambda *arguments: np.asarray(fun(*arguments))
 
 
 def _of_copies(fun: Any, k: int) -> Fill:
@@ -277,10 +284,10 @@ def _adapter(fun: Any, arity: int, form: str, n_axes: int) -> Fill:
         out[one] = fun(t, y, params) if with_params else fun(t, y)
 
     def from_vector(t: float, y: np.ndarray, out: np.ndarray, params: np.ndarray) -> None:
-        values = np.asarray(fun(t, y, params) if with_params else fun(t, y))
-        if values.shape != out.shape:
+        values = fun(t, y, params) if with_params else fun(t, y)
+        if len(values) != len(out):
             raise ValueError(_RESHAPED)
-        for i in range(out.shape[0]):
+        for i in range(len(out)):
             out[i] = values[i]
 
     def from_matrix(t: float, y: np.ndarray, out: np.ndarray, params: np.ndarray) -> None:
@@ -315,10 +322,10 @@ def _reading(fun: Any, arity: int, form: str, n_axes: int) -> Fill:
     def from_vector(
         t: float, y: np.ndarray, memory: np.ndarray, out: np.ndarray, params: np.ndarray
     ) -> None:
-        values = np.asarray(fun(t, y, memory, params) if with_params else fun(t, y, memory))
-        if values.shape != out.shape:
+        values = fun(t, y, memory, params) if with_params else fun(t, y, memory)
+        if len(values) != len(out):
             raise ValueError(_RESHAPED)
-        for i in range(out.shape[0]):
+        for i in range(len(out)):
             out[i] = values[i]
 
     def from_matrix(
