@@ -472,7 +472,6 @@ print(len(told), *map(int, (found.LINKED, found.STORED)))
         ("del codegen.CPUCodeLibrary._finalize_dynamic_globals", "1 0 1"),
         ("dispatcher.Dispatcher.get_call_template = lambda self, other: 1", "1 0 1"),
         ("del environment.lookup_environment", "1 0 1"),
-        ("del codegen.JITCPUCodegen._library_class", "1 0 1"),
         ("codegen.RuntimeLinker.__init__ = lambda self: None", "1 0 1"),
         ("cpu.CPUTargetOptions = object", "1 0 1"),
         ("del caching.Cache._index_key", "1 1 0"),

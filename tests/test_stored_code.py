@@ -10,9 +10,11 @@ import types
 import numpy as np
 import pytest
 from numba import njit
+from numba.core.codegen import JITCPUCodegen
 
 import hereditary as hd
 from hereditary.compiled.jit import F8, I8, as_value, compiled, inner
+from hereditary.compiled.numba_internals import LINKED
 from hereditary.functions import reads
 from hereditary.functions.reads import digest
 
@@ -184,3 +186,18 @@ def test_solutions_are_read_once():
     again = pickle.loads(pickle.dumps(solved))
     assert digest(solved) == digest(again)
     assert solved in reads._FIXED
+
+
+@pytest.mark.skipif(not LINKED, reason="plain numba makes more")
+def test_one_machine_code_is_made_of_a_function_and_its_helpers(monkeypatch):
+    made = []
+    add = JITCPUCodegen._add_module
+    monkeypatch.setattr(
+        JITCPUCodegen, "_add_module", lambda self, module: made.append(add(self, module))
+    )
+
+    def helper(y):
+        return np.asarray(3.0 * y)
+
+    hd.Equation(hd.Caputo(0.5), lambda t, y: -helper(y), [1.0, 2.0])
+    assert len(made) == 1

@@ -7,10 +7,8 @@ from types import ModuleType
 import numpy as np
 import pytest
 from numba import njit
-from numba.core.codegen import JITCPUCodegen
 
 import hereditary as hd
-from hereditary.compiled import numba_internals
 
 pytestmark = pytest.mark.core
 
@@ -348,21 +346,6 @@ def test_helpers_and_values_of_all_kinds_are_compiled(rhs, expected):
 def test_a_helper_that_an_equation_has_compiled_is_called_in_python():
     assert equation(lambda t, y: HELPERS.doubled(y), params=()).system.functions.bare
     assert HELPERS.doubled(np.ones(2)).tolist() == [2.0, 2.0]
-
-
-@pytest.mark.skipif(not numba_internals.LINKED, reason="plain numba makes more")
-def test_one_machine_code_is_made_of_a_function_and_its_helpers(monkeypatch):
-    made = []
-    add = JITCPUCodegen._add_module
-    monkeypatch.setattr(
-        JITCPUCodegen, "_add_module", lambda self, module: made.append(add(self, module))
-    )
-
-    def helper(y):
-        return np.asarray(3.0 * y)
-
-    equation(lambda t, y: -helper(y), [1.0, 2.0], params=())
-    assert len(made) == 1
 
 
 def test_a_function_that_is_known_is_compared_at_every_start():
