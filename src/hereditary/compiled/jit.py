@@ -214,7 +214,7 @@ def _refuse_arrays(result):
             )
 
 
-def derived(fun, allocates=True, wrapped=False):
+def derived(fun, allocates=True, wrapped=True):
     """Return a compiled function that calls a user's functions, for this process only.
 
     `allocates` is False if it neither makes nor returns arrays; then numba counts no references.
@@ -321,5 +321,5 @@ class _RightHandSide:
 def derived_value(fun, signature, allocates=True):
     """Return a function that calls a user's functions, as the value of a field of a record."""
     if signature == RHS_SIG:
-        return _RightHandSide(derived(fun, allocates))
-    return as_value(derived(fun, allocates, wrapped=True), signature)
+        return _RightHandSide(derived(fun, allocates, wrapped=False))
+    return as_value(derived(fun, allocates), signature)

@@ -233,11 +233,11 @@ def _build(candidate: Candidate, key: tuple, arity: int, form: str) -> tuple[Any
         returned = jitted.nopython_signatures[0].return_type
         simple = isinstance(returned, (types.NoneType, types.Number, types.Boolean))
         if isinstance(returned, types.Tuple):  # entries of several types
-            jitted = derived(_as_array(jitted))
+            jitted = derived(_as_array(jitted), wrapped=False)
         copied = bool(_PAST_READ_ONLY & code_names(key[0]))
         adapter = (_reading if k else _adapter)(jitted, arity, form, n_axes)
         if copied:
-            adapter, simple = _of_copies(derived(adapter), k), False
+            adapter, simple = _of_copies(derived(adapter, wrapped=False), k), False
         return derived_value(adapter, candidate.signature, allocates=not simple), ""
     except Exception as error:  # numba raises exceptions of many types
         if _compiles(fresh(fun, inner, inside), [a.copy(readonly=False) for a in own[1:]]):
