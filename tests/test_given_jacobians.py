@@ -62,7 +62,7 @@ def test_errors_above_a_hundredth_of_the_row_are_refused(problem, data, factor):
     d = y0.size
     i, j = data.draw(st.integers(0, d - 1)), data.draw(st.integers(0, d - 1))
     factors = np.ones((d, d))
-    units = equation(a, b, factors, y0, None).system.positive_units
+    units = equation(a, b, factors, y0, None).system.units()
     reach = 0.03 * np.maximum(np.abs(y0), 0.1 * units)
     around = y0[:, None] + reach[:, None] * np.linspace(-1, 1, 21)
     rows = np.abs(a[i][:, None] + 2 * b[i][:, None] * around)

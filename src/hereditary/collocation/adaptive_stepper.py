@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 
 from ..compiled.jacobian import LEAST, VALUES
+from ..compiled.reach import NOISE, SMALL
 from ..compiled.records import plain
 from ..equation.system import System, refuse_late
 from ..functions.differences import wrong_jacobian
@@ -74,7 +75,7 @@ from .structures import (
     initial_state,
     restored_state,
 )
-from .tolerances import SMALL, ErrorPolicy, Tolerance, raise_small_once, undamped
+from .tolerances import ErrorPolicy, Tolerance, undamped
 from .varying import OrderTables
 from .workspace import give_back, take_workspace
 
@@ -167,6 +168,7 @@ class AdaptiveStepper(ResumableStepper, TangentStepper, JumpingStepper):
         self._ending = None
         self._limit_steps(t_end)
         self._prefit_kernels(t_end)
+        self._of_run = t_end, self._least
 
     def _limit_steps(self, t_end: float) -> None:
         """Set the longest step and the largest number of steps from the present time to t_end."""
@@ -235,7 +237,10 @@ class AdaptiveStepper(ResumableStepper, TangentStepper, JumpingStepper):
             self._moved += np.abs(np.diff(at_starts[:, 0], axis=0)).sum(axis=0)
         if status not in (REACHED, FULL, TOO_CLOSE):
             lengths, last = (self._control["last"], self._control["next"]), self._orbit.last[0]
-            self._ending = ending(status, self._marched, self.t, *lengths, last, self._peak)
+            is_noise = self._state.sizes <= NOISE * self._state.reach
+            self._ending = ending(
+                status, self._marched, self.t, *lengths, last, self._peak, is_noise
+            )
             if became_singular(self.system, self.t, self._view.seen(self._orbit.x[0])):
                 self._ending = SINGULAR_ROWS
         if n == 0:
@@ -246,10 +251,8 @@ class AdaptiveStepper(ResumableStepper, TangentStepper, JumpingStepper):
 
     @property
     def _sizes(self) -> np.ndarray:
-        """Sizes of the components, (d,): the largest |y| so far, or a fraction of the largest."""
-        sizes = self._state.sizes.copy()
-        raise_small_once(self._marched.quantities, SMALL, sizes)
-        return sizes
+        """Sizes of the components, (d,): the largest |y| so far, or a part of their reach."""
+        return np.maximum(self._state.sizes, SMALL * self._state.reach)
 
     def _still_sizes(self) -> np.ndarray:
         """Return the sizes of y, and of the unknown p, that tolerances refer to, (2, d)."""
@@ -303,7 +306,7 @@ class AdaptiveStepper(ResumableStepper, TangentStepper, JumpingStepper):
         `solver` is None if the march takes one that has no factors yet.
         """
         orbit = self._orbit
-        equations, offsets = orbit.equations(marched, self._least)
+        equations, offsets = orbit.equations(marched, *self._of_run)
         varying = self._orders.compiled(orbit.of_varying)
         taken = _, (own, operators, weights, workspace) = take_workspace(
             self._form, arrays.modes, arrays.last.shape[3], offsets, solver
@@ -342,10 +345,13 @@ class AdaptiveStepper(ResumableStepper, TangentStepper, JumpingStepper):
         orbit, form, t, left = self._orbit, self._form, self.t, t_stop - self.t
         self._set_origin(t)
         of_run, jacobian, units = self._at_start(t_stop)
+        reach = self._state.reach
         longest, idle = self.step_limits.longest
         least = self._farthest / _LARGEST_RATIO
         self._ending, at_rest = TOO_STEEP, _FIRST_AT_REST * idle
-        for trial in trials(self._marched, form, orbit, t, left, longest, least, jacobian, units):
+        for trial in trials(
+            self._marched, form, orbit, t, left, longest, least, jacobian, units, reach
+        ):
             h, variable, sizes = trial.length, trial.variable, self._state.sizes.copy()
             # the last two steps are equal, so that no tiny step remains before the stop
             h = min(h, 0.5 * left) if h < left else h
@@ -374,7 +380,7 @@ class AdaptiveStepper(ResumableStepper, TangentStepper, JumpingStepper):
         The units are sizes of the components, for the increments of difference quotients of f.
         """
         system, orbit, structure = self._marched, self._orbit, self._marched.structure
-        equations, _ = orbit.equations(system, self._least)
+        equations, _ = orbit.equations(system, *self._of_run)
         limits, units, t = self._limits(t_stop), np.empty(system.d), self.t
         self._state.counts["rhs"] += 1
         out = np.empty((system.d, system.d)) if structure is None else structure.entries.copy()
@@ -384,7 +390,7 @@ class AdaptiveStepper(ResumableStepper, TangentStepper, JumpingStepper):
             limits=limits,
             t=system.beside(t, 1) if t > 0 else 0.0,
             x=orbit.x[0],
-            sizes=self._state.sizes.copy(),
+            state=self._state,
             units=units,
         )
         jacobian_at_start(start, out)
@@ -442,6 +448,7 @@ class AdaptiveStepper(ResumableStepper, TangentStepper, JumpingStepper):
         least = 1e5 * self._farthest / _LARGEST_RATIO
         h = self._form.graded_first_step(self.t, t_stop - self.t, self.allowed.of_step.least, least)
         closest = self._closest(h)
+        self._at_start(t_stop)
         if self.n_modes == 0:
             self._orbit.open_modes(closest, self._farthest, self._known, self.allowed.of_modes)
         if closest < self._orbit.closest:
@@ -492,9 +499,10 @@ class AdaptiveStepper(ResumableStepper, TangentStepper, JumpingStepper):
         return self._view.values(errors, errors)[0]
 
     @property
-    def sizes(self) -> np.ndarray:
-        """Largest |y| of each component since t = 0, (d,)."""
-        return self._view.values(self._state.sizes, self._state.sizes)[0]
+    def sizes_and_reach(self) -> np.ndarray:
+        """Largest |y| of each component since t = 0, and what others could make of it, (2, d)."""
+        found = np.array([self._state.sizes, self._state.reach])
+        return self._view.values(found, found)[0]
 
     @property
     def ydot(self) -> np.ndarray:

@@ -25,11 +25,10 @@ _RANK_TOL = 1e-9
 # Ratio of the least singular value of the rows' Jacobian to that at the start, below which the rows
 # become singular. Runs end at 1e-6 where two solutions of the rows meet.
 _MIN_SINGULAR_VALUE_RATIO = 1e-4
-# Distance from y(0) at which a singular Jacobian is evaluated again, as fraction of the largest
-# argument of f.
+# Distance from y(0) at which a singular Jacobian is evaluated again, over the sizes of arguments.
 _BESIDE = 0.01
-# Ratio of a component's coefficients to the largest of other components, below which they may stand
-# for 0.
+# Ratio of a component's coefficients to the largest of other components, and to what f demands in
+# the run, below which they may stand for 0.
 _NEGLIGIBLE_COEFFICIENT_RATIO = 1e-15
 
 
@@ -92,20 +91,22 @@ def _regular(matrix: np.ndarray) -> bool:
     )
 
 
-def check_start(system: System, rtol: float, atol: float | tuple[float, ...] | None) -> None:
+def check_start(
+    system: System, t_end: float, rtol: float, atol: float | tuple[float, ...] | None
+) -> None:
     """Refuse algebraic rows that do not determine their unknowns, or that y(0) contradicts.
 
-    Warn if initial values contradict a row whose coefficients are next to 0.
+    Warn if initial values contradict a row whose coefficients are next to 0 in a run to t_end.
     """
     if system.d > 1:
-        _name_tiny(system, rtol)
+        _name_tiny(system, t_end, rtol)
     if not system.has_algebraic:
         return
     rows, columns = _unknowns(system)
     x, t = system.at_start, system.beside(0.0, 1)
     _check_index(system, t, x, rows, columns)
     f_rows, noise = _residual(system, t, x, rows, rtol)
-    y, d = system.y0[0], system.n_solved
+    y = system.y0[0]
     with np.errstate(all="ignore"):
         at_once = np.minimum(np.abs(f_rows), np.abs(system.rhs(0.0, x)[rows]))
     if np.all(at_once <= noise):
@@ -113,10 +114,11 @@ def check_start(system: System, rtol: float, atol: float | tuple[float, ...] | N
     found = _solve(system, t, x, rows, columns)
     own = rows[rows == columns]
     if found is not None:
-        largest = np.abs(y[:d]).max()
-        allowed = (
-            rtol * np.maximum(np.abs(y), np.abs(found))[own] + _CONSISTENCY_RTOL * largest + LEAST
-        )
+        matrix = np.abs(_jacobian(system, t, found, own))
+        with np.errstate(all="ignore"):  # rounding of the rows moves their unknowns by so much
+            rounding = matrix @ np.abs(found) / matrix[np.arange(own.size), own]
+        allowed = rtol * np.maximum(np.abs(y), np.abs(found))[own] + LEAST
+        allowed += _CONSISTENCY_RTOL * np.nan_to_num(rounding, posinf=0.0)
         allowed += 0.0 if atol is None else system.spread(system.frame.doubled(atol))[own]
         wrong = own[np.abs(found[own] - y[own]) > allowed]
         if wrong.size == 0:
@@ -133,15 +135,19 @@ def check_start(system: System, rtol: float, atol: float | tuple[float, ...] | N
     refuse("y0", required, got, "" if pairs == 2 else remedy)
 
 
-def _name_tiny(system: System, rtol: float) -> None:
+def _name_tiny(system: System, t_end: float, rtol: float) -> None:
     """Warn of a row with coefficients next to 0 that the initial values do not satisfy."""
     d, x, t = system.n_solved, system.at_start, system.beside(0.0, 1)
     largest = np.max([np.abs(coefficients[:d]) for _, coefficients in system.left], axis=0)
-    tiny = np.flatnonzero((largest > 0) & (largest < _NEGLIGIBLE_COEFFICIENT_RATIO * largest.max()))
+    (tiny,) = np.nonzero((largest > 0) & (largest < _NEGLIGIBLE_COEFFICIENT_RATIO * largest.max()))
     if tiny.size == 0:
         return
+    with np.errstate(all="ignore"):
+        own = np.abs(_jacobian(system, t, x, tiny)[np.arange(tiny.size), tiny])
+    orders = np.minimum(system.highest_orders()[tiny], 1.0)
     f_rows, noise = _residual(system, t, x, tiny, rtol)
     wrong = np.abs(f_rows) > noise
+    wrong &= largest[tiny] < _NEGLIGIBLE_COEFFICIENT_RATIO * own * t_end**orders
     if wrong.any():
         c, residual = tiny[wrong][0], f_rows[wrong][0]
         warn(
@@ -158,7 +164,8 @@ def _check_index(
     """Refuse rows that cannot be solved for their unknowns, neither at y(0) nor close to it."""
     random = np.random.default_rng(0)
     for distance in (0.0, _BESIDE):
-        moved = distance * (np.abs(x).max() or 1.0) * random.uniform(-1.0, 1.0, x.size)
+        sizes = np.maximum(np.abs(x), system.units())
+        moved = distance * sizes * random.uniform(-1.0, 1.0, x.size)
         with np.errstate(all="ignore"):
             matrix = _jacobian(system, t, x + moved, rows)[:, columns]
         if not np.isfinite(matrix).all() or _regular(matrix):

@@ -54,24 +54,26 @@ def ending(
     rejected: float,
     last: np.ndarray,
     peak: np.ndarray,
+    is_noise: np.ndarray,
 ) -> Ending:
     """Return the reason why a march with this status code cannot go on from time t.
 
     `last` (3 or 4, d, s) are f, p and y at the nodes of the last step, of length h. The next step
     was rejected down to the length `rejected`. `peak` (2, d) are the largest |p| and |y| before the
-    last step.
+    last step. Components that are rounding of others, `is_noise` (d,), do not count.
     """
     if status == CRAWLING:
         return Ending(Status.STEP_TOO_SMALL, _CRAWLS)
     before, now = (np.abs(last[PRIMARY : POSITION + 1, :, i]) for i in (0, -1))
     largest = np.maximum((1 + _GROWING) * before, peak)
-    growing = np.any(now.max(axis=1) > largest.max(axis=1)) and rejected > _WALL * h
+    growing = np.any((now > largest)[:, ~is_noise]) and rejected > _WALL * h
     if status != JUMPING and growing:
         return _BLOWN_UP
     forces = _forces_ahead(system, t, h, last[POSITION])
     if not np.all(np.isfinite(forces)):
         return OUTSIDE
-    jumps = np.abs(forces - forces[0]).max() > _JUMP * np.abs(forces).max()
+    jumps = np.abs(forces - forces[0]).max(axis=0) > _JUMP * np.abs(forces).max(axis=0)
+    jumps = np.any(jumps & ~is_noise)
     if status == NEWTON_FAILED and not jumps:
         return UNSOLVED
     return (
@@ -106,8 +108,9 @@ def after_steps(n_steps: int) -> Ending:
 
 
 def of_small_component(number: int) -> str:
-    """Return a clause on a component far below the others, whose error ended a march."""
-    return f"component {number} is below a millionth of the largest, may be rounding: give atol="
+    """Return a clause on a component far below its reach, whose error ended a march."""
+    why = "is below a millionth of what others make of it"
+    return f"component {number} {why}, so it may be their rounding: give atol="
 
 
 def leaves_domain(system: System, t: float, y: np.ndarray, move: np.ndarray) -> bool:

@@ -14,8 +14,19 @@ import numpy as np
 from ..compiled.functions import set_force
 from ..compiled.jacobian import LEAST
 from ..compiled.jit import inner
-from ..compiled.linalg import clear, put
-from .newton import forces, nodal_slopes, residuals, solve_newton
+from ..compiled.linalg import clear, put, put_matrix
+from ..compiled.reach import NOISE
+from .newton import (
+    contraction_rate,
+    correct_forces,
+    forces,
+    largest_of,
+    nodal_slopes,
+    positions,
+    residuals,
+    solve_for_orbit,
+    take_change,
+)
 from .operators import FORCE, POSITION, PRIMARY, SLOPE, subtract_from_forces
 from .structures import ALGEBRAIC, AT_EDGE
 from .tolerances import ROUNDING_OF_SUMS, allowed_error
@@ -43,6 +54,8 @@ _CHECK_BEYOND = 100.0
 # Change of p that Newton's method requires after this second evaluation of the equations, in units
 # of Newton's tolerance. Above it the step is rejected.
 _MAX_RESIDUAL_CHANGE = 10.0
+# Ratio of such a change to the one before up to which it is one more iteration, and no rejection.
+_MAX_RESIDUAL_CONTRACTION = 1e-2
 # Index of the first check point of a step that does not enter the step's error.
 FIRST_LOOK = 2
 # Largest number of check points in a run that do not enter the error of their step.
@@ -123,7 +136,7 @@ def solve_for_error(m):
     is at most the largest residual, because a nearly singular matrix would amplify rounding errors.
     There is no limit if an algebraic row has a residual, which has the unit of f and not of p.
     """
-    solve_newton(m)
+    solve_for_orbit(m)
     defect, nodal_errors = m.workspace.residual, m.workspace.change
     newton_tol, of_defect, of_error = m.workspace.newton_tol, 0.0, 0.0
     s = defect.shape[0] // newton_tol.shape[0]
@@ -245,16 +258,6 @@ def update_force_defect(m, i, point):
 
 
 @inner
-def largest_of(values, first, many):
-    """Return the largest of `many` absolute values from index `first` on; NaN if one is NaN."""
-    largest = 0.0
-    for i in range(first, first + many):
-        if not abs(values[i]) <= largest:
-            largest = abs(values[i])
-    return largest
-
-
-@inner
 def defect_matters(m):
     """Return whether the defect of f, integrated over h, moves p far beyond Newton's tolerance.
 
@@ -274,22 +277,26 @@ def defect_matters(m):
 
 
 @inner
-def equations_hold(m):
+def equations_hold(m, h):
     """Evaluate f at the nodes again; return whether p there satisfies the equations.
 
     Difference quotients across a jump of f give a huge Jacobian. With it Newton's method makes
-    small changes, and seems to have converged.
+    small changes, and seems to have converged. If the changes contract, this is one more iteration.
     """
-    workspace, p, x = m.workspace, m.workspace.values[0, PRIMARY], m.workspace.values[0, POSITION]
-    f, newton_tol, change = workspace.before, workspace.newton_tol, workspace.change
-    forces(m, x, f)
-    residuals(m, workspace.base[0], p, x, f)
-    solve_newton(m)
-    s = p.shape[1]
-    for c in range(p.shape[0]):
-        for i in range(s):
-            if not abs(change[c * s + i]) <= _MAX_RESIDUAL_CHANGE * newton_tol[c]:
-                return False
+    workspace, values, contraction = m.workspace, m.workspace.values[0], m.state.contraction
+    f, p, x, before = values[FORCE], values[PRIMARY], values[POSITION], workspace.before
+    previous = contraction.last
+    forces(m, x, before)
+    residuals(m, workspace.base[0], p, x, before)
+    solve_for_orbit(m)
+    size = take_change(workspace.change, workspace.newton_tol, p)
+    if not size <= max(_MAX_RESIDUAL_CHANGE, _MAX_RESIDUAL_CONTRACTION * previous):
+        return False
+    put_matrix(before, f)
+    put_matrix(x, before)
+    positions(m, h, p, m.orbit.x[0], x)
+    correct_forces(m.stages.jacobians[:1], before, x, f, workspace.moved)
+    contraction_rate(size, previous, h, contraction)
     return True
 
 
@@ -384,7 +391,7 @@ def error_ratio(m, h):
 
     It covers y, and y' where y' is the primary unknown p. The tolerance of p is at least the
     rounding error of p(0), because p is a difference of p(0) and terms of the same size. It is at
-    least Newton's tolerance as well.
+    least Newton's tolerance as well. Components that are rounding of others do not count.
     """
     limits, errors = m.limits, m.workspace.errors
     above_one, values = m.equations.above_one, m.workspace.values[0]
@@ -406,6 +413,8 @@ def error_ratio(m, h):
             at_start = _AT_START * allowed_error(c, before[c], before[c], 0, end, limits)
             allowed = min(allowed, max(at_start, _ROUNDING_OF_STEP * size_p))
         allowed = max(allowed, _ROUNDING_OF_P * abs(p0[c]), newton_tol[c], LEAST)
+        if max(size_x, m.state.sizes[c]) <= NOISE * m.state.reach[c] and errors[c] <= newton_tol[c]:
+            continue
         if errors[c] / allowed > worst:
             worst, control.worst = errors[c] / allowed, c
         if not errors[c] < np.inf:
@@ -429,7 +438,7 @@ def orbit_error(m, h, table_index):
     missed = 0.0 if at_edge else look_once_more(m, h)
     if not at_edge and defect_matters(m):
         counts.rhs += workspace.times.shape[0]
-        if not equations_hold(m):
+        if not equations_hold(m, h):
             return np.inf, True
     subtract_from_forces(m.equations.kinds, m.operators.matrices, workspace.base, values[:1])
     if values.shape[1] > SLOPE:

@@ -14,6 +14,7 @@ import numpy as np
 from ..compiled.jacobian import LEAST
 from ..compiled.jit import MAT, as_value, compiled_type, entry, inner, plug_in
 from ..compiled.linalg import clear_matrix, put, put_cube, put_matrix
+from ..compiled.reach import set_reach
 from ..compiled.reference import Reference
 from .edge import solve_at_edge
 from .error_estimate import orbit_error, tangents_error
@@ -36,7 +37,6 @@ from .operators import (
     eliminate_known,
     number_of,
 )
-from .stages import set_scales
 from .structures import (
     ADAPTIVE_MARCH,
     AT_EDGE,
@@ -49,7 +49,7 @@ from .structures import (
     AdaptiveWork,
     FirstJacobian,
 )
-from .tolerances import SMALL, raise_small, raise_to_least, set_newton_tol
+from .tolerances import begin_sizes, raise_sizes, raise_to_least, set_newton_tol
 
 
 @inner
@@ -73,20 +73,21 @@ def attempt(march, t, h, table_index):
     set_times(origin, t, h, m.rule.check_points, limits, workspace.check_times)
     extrapolate(m, h)
     put(state.sizes, workspace.sizes)
-    begins = raise_to_least(equations, workspace.sizes)
+    begins = raise_to_least(equations, state.reach, workspace.sizes)
     put(workspace.sizes, workspace.sizes_before)
-    set_units(equations, workspace.sizes, orbit.x[0], limits, workspace.units)
     set_starts(orbit, equations.above_one, workspace.starts)
-    solved = False
-    for _ in range(2 if begins else 1):  # a quantity of size 0 gets its size from a first solution
+    solved, again = False, True
+    while again:
+        set_units(equations, workspace.sizes, orbit.x[0], limits, workspace.units)
         set_newton_tol(m, h)
         solved = solve_at_edge(m, h) if m.stages.control[AT_EDGE] == 1.0 else solve_stages(m, h)
         if not solved:
             break
+        # a size of 0 is set by a first solution, and remains if the step is rejected
+        again = begins and begin_sizes(values[0], state.sizes)
+        begins = False
         raise_sizes(values[0], workspace.sizes)
-        if begins:  # these sizes remain if the step is rejected
-            raise_sizes(values[0], state.sizes)
-        raise_to_least(equations, workspace.sizes)
+        raise_to_least(equations, state.reach, workspace.sizes)
     ratio, by_defect = np.inf, False
     if solved:
         ratio, by_defect = orbit_error(m, h, table_index)
@@ -139,36 +140,21 @@ def set_starts(orbit, above_one, starts):
 def set_units(equations, sizes, x, limits, out):
     """Set the units of components, (d,), for the increments of difference quotients of f.
 
-    A unit is at least the size of the component or, if an absolute tolerance is given, atol / rtol.
-    It is also at least `equations.units`. With an absolute tolerance, these units count only up to
-    the largest present |y| of the quantity. Units next to 0 are replaced by 1.
+    A unit is the size of the component. If an absolute tolerance is given, it is the present |y|,
+    at least atol / rtol. It is that of `equations.units` for a component without a size.
     """
-    by_size, atol, units = limits.by_size > 0.0, limits.atol, equations.units
     for c in range(out.shape[0]):
-        out[c] = abs(x[c])
-    raise_small(equations.quantities, 1.0, out)
-    for c in range(out.shape[0]):
-        least = sizes[c] if by_size else atol[c] / limits.rtol
-        unit = units[c] if by_size or out[c] == 0.0 else min(units[c], out[c])
-        unit = max(unit, least)
-        out[c] = unit if unit > LEAST else 1.0
+        unit = sizes[c] if limits.by_size > 0.0 else max(abs(x[c]), limits.atol[c] / limits.rtol)
+        out[c] = unit if unit > LEAST else equations.units[c]
 
 
 @entry(Reference(compiled_type(FirstJacobian)), MAT)
 def jacobian_at_start(start, out):
-    """Set `out` to the Jacobian of f before a first step, and the units and sizes of `start`."""
-    raise_small(start.equations.quantities, SMALL, start.sizes)
-    set_units(start.equations, start.sizes, start.x, start.limits, start.units)
+    """Set `out` to the Jacobian of f before a first step, the units of `start`, and the reach."""
+    equations, state = start.equations, start.state
+    set_units(equations, state.sizes, start.x, start.limits, start.units)
     start.right.jacobian(start.right.force, start.t, start.x, start.units, out)
-
-
-@inner
-def raise_sizes(values, sizes):
-    """Raise `sizes` (d,) to the largest |y| at the nodes; values (n_q, d, s) has y in it."""
-    for c in range(sizes.shape[0]):
-        for i in range(values.shape[2]):
-            size = abs(values[POSITION, c, i])
-            sizes[c] = size if sizes[c] < size < np.inf else sizes[c]
+    set_reach(out, equations.rates, state.sizes, state.reach)
 
 
 @inner
@@ -213,6 +199,8 @@ _MAX_FACTOR = 3.0
 _MIN_FACTOR = 0.2
 # Length of the next step, relative to that at which the error would be the tolerance.
 _SAFETY = 0.8
+# Number of steps after which the reach of components is found again, if no size grows.
+_STEPS_PER_REACH = 8
 # Ratio of step lengths from which a longer step is always worth a new factorisation, for many
 # components with a dense Jacobian.
 _MIN_WORTHWHILE_FACTOR = 2.0
@@ -262,7 +250,8 @@ def take_steps(march):
                 return row, reason_of_refusal(by_defect, solved)
             continue
         counts.accepted += 1
-        raise_sizes(values[0], m.state.sizes)
+        if raise_sizes(values[0], m.state.sizes) or counts.accepted % _STEPS_PER_REACH == 0:
+            set_reach(stages.jacobians[0], equations.rates, m.state.sizes, m.state.reach)
         record_step(m, t, h, ratio, row)
         absorb_constant_mode(m.basis.rates, orbit)
         put_cube(orbit.modes, orbit.before)
@@ -278,12 +267,7 @@ def take_steps(march):
 def march_adaptive(march):
     """March until `limits.stop`; return the number of accepted steps and a status code."""
     m = march.work
-    equations, workspace = m.equations, m.workspace
-    put(m.state.sizes, workspace.sizes)
-    raise_to_least(equations, workspace.sizes)
-    set_units(equations, workspace.sizes, m.orbit.x[0], m.limits, workspace.units)
-    set_scales(workspace.units, m.stages)
-    set_mode_weights(equations, m.basis.weights, m.varying.of_varying, m.weights)
+    set_mode_weights(m.equations, m.basis.weights, m.varying.of_varying, m.weights)
     return take_steps(march)
 
 

@@ -20,7 +20,7 @@ from ..compiled.linalg import clear_matrix, dot, factorise, put, put_cube, put_m
 from ..compiled.newton import ACCEPT, FAIL, ITERATE, REFRESH
 from ..compiled.signatures import FACTORISE, SUBSTITUTE
 from .operators import FORCE, POSITION, PRIMARY
-from .stages import stage_matrix, substitute_scaled
+from .stages import set_scales, stage_matrix, substitute_scaled
 from .structures import ALGEBRAIC, KEPT, LENGTH, REDUCED
 
 # Largest number of Newton iterations; a step that needs more is rejected.
@@ -43,14 +43,24 @@ _MAX_HALVINGS_AT_NODES = 4
 _TANGENT_NEWTON_MAXITER = 30
 # Relative change of a tangent that ends the iterations for it.
 _TANGENT_NEWTON_RTOL = 1e-11
-# Least relative change of p at which Newton's method converges, for components without a size.
-_MIN_NEWTON_RTOL = 1e-14
+# Change of p at which Newton's method converges, as fraction of the largest |p| at the nodes, for
+# components without a size.
+_MIN_NEWTON_RTOL = 1e-10
+# Rounding error of p, as fraction of its largest value at the nodes.
+_ROUNDING_OF_PRIMARY = 4e-16
 # Least absolute change of p at which Newton's method converges; a component whose tolerance is
 # below this has no size yet.
 _MIN_NEWTON_ATOL = 1e-202
-# Change of p at which Newton's method converges, as fraction of the largest |p| of all components,
-# for components without a size.
-_MIN_NEWTON_TOL_OF_LARGEST = 1e-10
+
+
+@inner
+def largest_of(values, first, many):
+    """Return the largest of `many` absolute values from index `first` on; NaN if one is NaN."""
+    largest = 0.0
+    for i in range(first, first + many):
+        if not abs(values[i]) <= largest:
+            largest = abs(values[i])
+    return largest
 
 
 @inner
@@ -133,6 +143,22 @@ def solve_newton(m):
 
 
 @inner
+def solve_for_orbit(m):
+    """Solve Newton's linear system as `solve_newton`; a component without a size may stay at 0.
+
+    It stays there if its residual is 0. Otherwise the rounding of others would move it.
+    """
+    residual, change, newton_tol = m.workspace.residual, m.workspace.change, m.workspace.newton_tol
+    solve_newton(m)
+    s, implicit = residual.shape[0] // newton_tol.shape[0], m.equations.implicit
+    for c in range(newton_tol.shape[0]):
+        begins = newton_tol[c] <= _MIN_NEWTON_ATOL and implicit[c] == 0
+        if begins and largest_of(residual, c * s, s) == 0.0:
+            for i in range(c * s, c * s + s):
+                change[i] = 0.0
+
+
+@inner
 def solve_stages(m, h):
     """Solve a step of length h for p at the nodes by Newton's method; return if it converged.
 
@@ -171,6 +197,7 @@ def solve_stages(m, h):
         if control[KEPT] == 0.0:
             counts.rhs += stage_jacobians(m, x, jacobians)
             control[KEPT], control[LENGTH], control[REDUCED], fresh = 1.0, 0.0, 0.0, True
+            set_scales(m.state.reach, workspace.units, stages)
         if control[LENGTH] != h:
             control[LENGTH] = 0.0
             if not factorise_newton(m, h, p, jacobians):
@@ -187,7 +214,7 @@ def solve_stages(m, h):
             magnitudes(jacobians[0], workspace.point, workspace.force_scales)
             magnitudes(jacobians[0], workspace.starts, workspace.start_scales)
         residuals(m, workspace.base[0], p, x, f)
-        solve_newton(m)
+        solve_for_orbit(m)
         size = take_change(change, newton_tol, p)
         if not size < np.inf:
             control[KEPT] = 0.0
@@ -306,21 +333,20 @@ def take_back_at_nodes(f, share, change, p):
 
 @inner
 def take_change(change, newton_tol, p):
-    """Subtract a change (d s,) from p (d, s); return its largest ratio to the tolerance (d,)."""
-    size, largest = 0.0, 0.0
+    """Subtract a change (d s,) from p (d, s); return its largest ratio to the tolerance (d,).
+
+    The tolerance counts as at least the rounding error of p.
+    """
+    size = 0.0
     for c in range(p.shape[0]):
+        largest = 0.0
         for i in range(p.shape[1]):
             p[c, i] -= change[c * p.shape[1] + i]
             largest = max(largest, abs(p[c, i]))
-    for c in range(p.shape[0]):
-        allowed = newton_tol[c]
+        allowed = max(_MIN_NEWTON_RTOL * largest, _MIN_NEWTON_ATOL)
+        if newton_tol[c] > _MIN_NEWTON_ATOL:  # else it begins at 0 and has no size yet
+            allowed = max(newton_tol[c], _ROUNDING_OF_PRIMARY * largest)
         for i in range(p.shape[1]):
-            if newton_tol[c] <= _MIN_NEWTON_ATOL:  # a component that begins at 0 has no size yet
-                allowed = max(
-                    _MIN_NEWTON_RTOL * abs(p[c, i]),
-                    _MIN_NEWTON_TOL_OF_LARGEST * largest,
-                    _MIN_NEWTON_ATOL,
-                )
             size = max(size, abs(change[c * p.shape[1] + i]) / allowed)
     return size
 
@@ -333,6 +359,7 @@ def contraction_rate(size, previous, h, contraction):
     changes is recorded in `contraction`. After the first change `previous` is infinite, and the
     rate is estimated from earlier steps.
     """
+    contraction.last = size
     if previous < np.inf:
         rate = size / previous
         contraction.rate = max(rate, 0.1 * contraction.rate)

@@ -96,7 +96,7 @@ def open_adaptive(
     `how` is the `Tolerance` of the run. `directions` are those of the tangents' initial values.
     """
     if state is None:
-        check_start(system, how.rtol, how.atol)
+        check_start(system, t_end, how.rtol, how.atol)
     stepper = AdaptiveStepper(system, scheme, t_end, how, directions)
     if state is not None and stepper.allowed.of_modes != state.how.modes:
         required = f"be left out or ask for modes as the state has them, to {state.how.modes:g}"

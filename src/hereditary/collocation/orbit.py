@@ -123,19 +123,23 @@ class OrbitAndTangents:
         self.of_varying = sums.of_varying
 
     def equations(
-        self, system: System, least: tuple[np.ndarray, np.ndarray, np.ndarray]
+        self,
+        system: System,
+        t_end: float,
+        least: tuple[np.ndarray, np.ndarray, np.ndarray],
     ) -> tuple[Equations, bool]:
         """Return the integral equations of the system as `Equations`, and if any offset is not 0.
 
-        `least` has the fields `sources`, `least` and `divisors` of `Equations`. The equations are
-        made once for a system, and again after a jump, which changes the offsets.
+        The run ends at t_end. `least` has the fields `sources`, `least` and `divisors`. The
+        equations are made once for a system, and again after a jump, which changes the offsets.
         """
         known = self._equations
         if known is None or known[0] is not system or known[1].offsets is not self.offsets:
             form = self._form
             found = Equations(
                 form.terms, form.orders, form.above_one, self.offsets, form.implicit,
-                form.unweighted, form.kinds, system.units, system.quantities, *least,
+                form.unweighted, form.kinds, system.units(t_end), system.rates(t_end),
+                *least,
             )  # fmt: skip
             self._equations = known = system, checked(found), bool(self.offsets.any())
         return known[1:]

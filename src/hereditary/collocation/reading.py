@@ -25,6 +25,7 @@ import numpy as np
 from scipy.special import rgamma
 
 from ..compiled.functions import mapped
+from ..compiled.reach import SMALL
 from ..equation.chain import left_of
 from ..equation.frame import Frame
 from ..equation.system import System
@@ -75,15 +76,17 @@ class Plain:
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Return sources, least sizes and divisors of components, fields of `Equations`.
 
-        The last two are 0 but for the memory of kernels that rise in a run to `t_end`. A step may
+        The last two are 0 but for the memory of kernels. Its least size is a part of what its
+        source makes of it in a run to `t_end`. The part is larger if the kernel rises. A step may
         err by `by_size` of the least size, which covers the `error` of the kernels' sums.
         """
         d, share = self.system.d, max(_OF_MEMORY, error / by_size) if by_size else _OF_MEMORY
         sources, least, divisors = np.arange(d), np.zeros(d), np.zeros(d)
         for place, source, kernel in self._convolved:
-            integral = integral_if_rising(kernel, t_end)
-            sources[place], least[place] = source, share * integral
-            divisors[source] = _OF_MEMORY * integral
+            rising = integral_if_rising(kernel, t_end)
+            whole = abs(float(kernel.integral(min(t_end, kernel.t_last))))
+            sources[place], least[place] = source, max(SMALL * whole, share * rising)
+            divisors[source] = _OF_MEMORY * rising
         return sources, least, divisors
 
     def widened(self, change: np.ndarray) -> np.ndarray:
@@ -230,7 +233,7 @@ class _Reduction:
         before = system.coefficient(system.highest_orders())[:d]
         self._before = np.where(self._bare, 1.0, before)
         self._starts: list[float] = []
-        self._roles: list[tuple[int, float]] = []
+        self._of_y: list[int] = []
         self._terms: list[tuple[Any, int, float]] = []
         self._own: list[tuple[int, int, float]] = []
         self._forces: list[tuple[int, int]] = []
@@ -238,19 +241,19 @@ class _Reduction:
         self._convolved: list[tuple[int, int, Any]] = []
         self._places: dict[tuple[int, Any], int] = {}
         for j, start in enumerate(system.y0[0, :d].tolist()):
-            self._add(start, j, 0.0)
+            self._add(start, j)
         above_one = np.flatnonzero(self._leading > 1).tolist()
         self._speeds = np.zeros(d, dtype=np.int64)
         self._speeds[above_one] = d + np.arange(len(above_one))
         for j in above_one:
-            self._places[j, 1.0] = self._add(float(system.y0[1, j]), j, 1.0)
+            self._places[j, 1.0] = self._add(float(system.y0[1, j]), j)
         # the row of F_j for each j with an algebraic row
         self._rows = dict.fromkeys(np.flatnonzero(self._bare).tolist(), -1)
         starts = derivatives_at_start(system) if self._rows else {}
         for j in self._rows:
             self._rows[j] = j
             if self._leading[j] > 0:
-                place = self._add(starts.get(j, 0.0), j, self._leading[j])
+                place = self._add(starts.get(j, 0.0), j)
                 self._rows[j] = self._places[j, self._leading[j]] = place
         for j, order in enumerate(self._leading.tolist()):
             if order > 1:
@@ -259,13 +262,10 @@ class _Reduction:
             elif order > 0:
                 self._derive(j, order, None, j)
 
-    def _add(self, start: float, j: int, order: float) -> int:
-        """Add a component with the initial value `start`; return its number.
-
-        It is the derivative of y_j of this order.
-        """
+    def _add(self, start: float, j: int) -> int:
+        """Add a component of y_j with the initial value `start`; return its number."""
         self._starts.append(start)
-        self._roles.append((j, order))
+        self._of_y.append(j)
         return len(self._starts) - 1
 
     def _derive(self, place: int, order: float, origin: int | None, j: int) -> None:
@@ -289,7 +289,7 @@ class _Reduction:
             return self._convolution(j, operator)
         gamma, leading = operator.order, self._leading[j]
         if (j, gamma) not in self._places:
-            place = self._places[j, gamma] = self._add(0.0, j, gamma)
+            place = self._places[j, gamma] = self._add(0.0, j)
             if leading > 1 and gamma < 1:
                 self._derive(place, 1 - gamma, int(self._speeds[j]), j)
             else:
@@ -311,16 +311,16 @@ class _Reduction:
         if in_stages(operator):
             place = self._places[j, operator] = self._delayed(j, operator.kernel)
             return place
-        place = total = self._places[j, operator] = self._add_own(j)
+        place = total = self._places[j, operator] = self._add(0.0, j)
         derived = operator.derivative > 0
         source = int(self._speeds[j]) if derived and self._leading[j] > 1 else j
         if operator.derivative - (source != j) == 1:
             if self._leading[j] == 0:
                 required = f"convolve y of component {j}, which has no derivative, and not y'"
                 refuse("memory", required, f"{operator}", "state the term on the left-hand side")
-            moved = self._add_own(j)
+            moved = self._add(0.0, j)
             self._derive(moved, self._leading[j] - (source != j), None, j)
-            carrier, total = self._add(0.0, *self._roles[moved]), self._add_own(j)
+            carrier, total = self._add(0.0, j), self._add(0.0, j)
             self._terms.append((ConstantOrder(1.0), total, 1.0))
             self._own += [(place, moved, 1.0), (place, carrier, -1.0)]
             self._own += [(total, place, 1.0), (carrier, total, 1.0)]
@@ -329,16 +329,12 @@ class _Reduction:
             carrier = j
             self._own.append((carrier, place, 1.0))
         else:
-            carrier = self._add(self._starts[source], *self._roles[source])
+            carrier = self._add(self._starts[source], j)
             self._own += [(place, source, 1.0), (place, carrier, -1.0), (carrier, place, 1.0)]
             self._copies.append((carrier, source))
         self._terms.append((KernelOperator(operator.kernel, 0), carrier, 1.0))
         self._convolved.append((total, carrier, operator.kernel))
         return place
-
-    def _add_own(self, j: int) -> int:
-        """Add a component whose scale is independent of others; return its number."""
-        return self._add(0.0, j, -1.0 - len(self._starts))
 
     def _delayed(self, j: int, kernel: Any) -> int:
         """Return the number of the component that is a gamma density's convolution with y_j.
@@ -353,7 +349,7 @@ class _Reduction:
             tempered = KernelOperator(TemperedPowerLaw(1 - rest, kernel.rate), 0)
             before, factor = self._place(j, tempered), kernel.rate**rest * rgamma(rest)
         for _ in range(n):
-            place = self._add_own(j)
+            place = self._add(0.0, j)
             self._terms.append((ConstantOrder(1.0), place, 1.0))
             self._own += [(place, before, kernel.rate * factor), (place, place, -kernel.rate)]
             before, factor = place, 1.0
@@ -375,14 +371,11 @@ class _Reduction:
         own = [*self._own, *((i, k, -c) for i, j in forces for k, c in lower[j])]
         n = len(self._starts)
         triples = [(i, j, 1.0) for i, j in forces]
-        roles = [(system.quantities[j], order) for j, order in self._roles]
-        numbers = {role: number for number, role in enumerate(sorted(set(roles)))}
         found = System(
             left_of(self._terms, n),
             np.array([self._starts]),
             mapped(system.functions, n, system.d, own, triples, arguments),
-            quantities=np.array([numbers[role] for role in roles]),
-            of_y=system.of_y[[j for j, _ in self._roles]],
+            of_y=system.of_y[self._of_y],
             frame=Frame(system.frame.start),
             rhs_digest=system.rhs_digest,
             callbacks=system.callbacks,

@@ -11,6 +11,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from ..compiled.jacobian import LEAST
 from ..compiled.linalg import eigenvalues
 from ..equation.system import System
 from .edge import begins_at_edge
@@ -37,8 +38,7 @@ VANISHING = 1e-3
 # Longest first step after a break, in lengths of the step before the break. An earlier singularity
 # may be as close as that step is long.
 _OF_LAST = 100.0
-# Size of a component that is 0, as fraction of the largest component, in the rate of change of many
-# components.
+# Size of a component that is 0, as fraction of its reach, in the rate of change of many components.
 _SIZE_IF_ZERO = 0.01
 # Largest number of components for which first steps from an edge are tried. All of their stages are
 # one dense system.
@@ -70,6 +70,7 @@ def trials(
     least: float,
     jacobian: Any,
     units: np.ndarray,
+    reach: np.ndarray,
 ) -> Iterator[Trial]:
     """Yield the `Trial` steps from t, until one is accepted.
 
@@ -84,6 +85,8 @@ def trials(
         That of f at the start, or just after it.
     units : ndarray, shape (d,)
         Sizes of the components, for the increments of difference quotients of f.
+    reach : ndarray, shape (d,)
+        What other components could make of each during the run (compiled/reach.py).
     """
     just_after = system.beside(t, 1) if t > 0 else 0.0
     smallest = form.generators[0]
@@ -94,7 +97,18 @@ def trials(
         c = math.sqrt(rates[0] * rates[-1]) * h**smallest
         if c >= _LEAST_BENT:
             yield Trial(h, _bent(form.generators, c))
-    (order, variables), rate = _plain(form), _rate(system, form, orbit, jacobian, just_after)
+    order, variables = _plain(form)
+    leading = np.abs(system.coefficient(system.highest_orders()))
+    leading[leading == 0] = 1.0
+    if has_stages(form):
+        sizes = np.abs(orbit.x[0]) + _SIZE_IF_ZERO * reach
+        sizes = np.where(sizes > LEAST, sizes, units)
+        speeds = np.where(form.above_one, orbit.p[0], 0.0)
+        vectors = system.rhs(just_after, orbit.x[0]) / leading, speeds
+        rate = _rate_of_many(jacobian, leading, sizes, vectors)
+    else:  # the result is independent of units
+        own = jacobian / leading[:, None]
+        rate = float(np.sqrt(np.abs(own * own.T)).sum(axis=1).max())
     # over the first trial step the solution changes by about half of its size
     first = most if rate * most**order < 0.5 else (0.5 / rate) ** (1 / order)
     for generators, variable, of_terms in variables:
@@ -172,26 +186,24 @@ def _order(form: Form) -> float:
     return max(float(orders.min(initial=1.0)), 0.1)
 
 
-def _rate(
-    system: System, form: Form, orbit: OrbitAndTangents, jacobian: Any, just_after: float
+def _rate_of_many(
+    jacobian: Any, leading: np.ndarray, sizes: np.ndarray, vectors: tuple[np.ndarray, ...]
 ) -> float:
-    """Return an estimate of the rate at which the solution changes just after the start.
+    """Return an estimate of the rate at which many components change just after the start.
 
-    For few components it is the largest row sum of sqrt(|J_ij J_ji|), where J is the Jacobian of f.
-    For many components it is the larger of |J v| / |v| for v = f and v = y'. For a partial
-    differential equation with smooth initial data, this rate does not grow on finer meshes.
+    It is the largest of |J v| / |v| for some vectors v (d,), the changes of y and y'. J (d, d) is
+    the Jacobian of f over the `leading` coefficients (d,). Norms are largest entries over `sizes`
+    (d,). For a partial differential equation with smooth initial data, this rate does not grow on
+    finer meshes.
     """
-    if not has_stages(form):  # the result is independent of units
-        return float(np.sqrt(np.abs(jacobian * jacobian.T)).sum(axis=1).max())
-    size, sizes = float(abs(jacobian).max()), np.abs(orbit.x[0])
-    if not np.isfinite(size):
-        return size
-    scale, rates = sizes + _SIZE_IF_ZERO * (sizes.max() or 1.0), [0.0]
-    f = system.rhs(just_after, orbit.x[0])
+    rows, columns = jacobian.nonzero()
+    entries, rates = np.abs(jacobian[rows, columns]), [0.0]
     with np.errstate(over="ignore", invalid="ignore"):
-        for v in (f, np.where(form.above_one, orbit.p[0], 0.0)):
-            largest = np.abs(v / scale).max()
-            if largest > 0.0:
-                rates.append(np.abs(jacobian @ v / scale).max() / largest)
+        entries = entries * sizes[columns] / (leading * sizes)[rows]
+        largest = float(entries.max(initial=0.0))
+        for v in vectors if np.isfinite(largest) else ():
+            size = np.abs(v / sizes).max()
+            if size > 0.0:
+                rates.append(np.abs(jacobian @ v / (leading * sizes)).max() / size)
     rate = max(rates)
-    return rate if 0.0 < rate < size else size
+    return rate if 0.0 < rate < largest else largest

@@ -21,7 +21,7 @@ from typing import Any
 import numpy as np
 
 from ..compiled.callbacks import PythonRaised, call_at, call_lapack
-from ..compiled.jacobian import COLUMNS, ROWS, VALUES
+from ..compiled.jacobian import COLUMNS, LEAST, ROWS, VALUES
 from ..compiled.jit import inner, plug_in
 from ..compiled.linalg import (
     clear_matrix,
@@ -44,7 +44,7 @@ from ..compiled.sparse_solvers import (
     substitute_band,
 )
 from .operators import FORCE, POSITION, PRIMARY
-from .structures import LENGTH, OF_SPEEDS, OF_VALUES, REDUCED, REST, SYSTEMS
+from .structures import OF_SPEEDS, OF_VALUES, REDUCED, REST, SYSTEMS
 
 # Option with which LAPACK computes no left eigenvectors.
 _WITHOUT = ord("N")
@@ -215,24 +215,27 @@ def dense_stages(task, values, stage):
 def reduce(stage):
     """Reduce a dense J to Hessenberg form H, ``D^-1 J D = Q H Q^T``; False if J is not finite.
 
-    D is diagonal. Its powers of 2 balance rows and columns of J, so the units of components do not
-    matter. LAPACK computes all three matrices.
+    D is diagonal: the scales of components times powers of 2 that balance rows and columns. LAPACK
+    computes all three matrices.
     """
     n = stage.order.shape[0]
-    h, q = stage.dense[0], stage.dense[1]
+    h, q, scales = stage.dense[0], stage.dense[1], stage.scales
     for i in range(n):
-        for j in range(n):
-            q[j, i] = stage.jacobians[0, i, j]  # LAPACK stores matrices by columns
+        inverse = 1.0 / scales[i]
+        for j in range(n):  # LAPACK stores matrices by columns
+            q[j, i] = stage.jacobians[0, i, j] * (scales[j] * inverse)
             if not abs(q[j, i]) < np.inf:
                 return False
-    numbers, workspace = np.empty(6, dtype=np.int32), np.empty(65 * n)
+    numbers, workspace = np.empty(6, dtype=np.int32), np.empty(66 * n)
     numbers[0], numbers[1], numbers[2], numbers[3], numbers[4] = n, 1, 64 * n, 0, _SCALING
     at, tau = numbers.ctypes.data, workspace.ctypes.data
-    work, columns = tau + 8 * n, q.ctypes.data
+    work, columns, balance = tau + 8 * n, q.ctypes.data, workspace[65 * n :]
     call_lapack(  # type: ignore[call-arg]
         stage.lapack_balance,
-        (at + 16, at, columns, at, at + 4, at + 20, stage.scales.ctypes.data, at + 12),
+        (at + 16, at, columns, at, at + 4, at + 20, balance.ctypes.data, at + 12),
     )  # fmt: skip
+    for c in range(n):
+        scales[c] *= balance[c]
     for step in range(2):
         address = stage.lapack if step == 0 else stage.lapack_solve
         call_lapack(  # type: ignore[call-arg]
@@ -335,9 +338,10 @@ def banded_stages(task, values, stage):
     if task == FACTORISE:
         if not diagonalise_stages(stage):
             return 1
+        entries = scaled_entries(stage)
         for k in range(int(stage.control[SYSTEMS])):
             factors = stage.factors[k]
-            if not set_band(stage.jacobians[0], -stage.shifts[k], place, lower, upper, factors):
+            if not set_band(entries, -stage.shifts[k], place, lower, upper, factors):
                 return 1
             for j in range(n):
                 factors[j, lower + upper] += 1.0
@@ -346,6 +350,7 @@ def banded_stages(task, values, stage):
         return 0
     right, ordered = np.empty((2, n), dtype=np.complex128)
     found = np.zeros(values.shape)
+    scale(stage, values, True)
     for k in range(int(stage.control[SYSTEMS])):
         project(k, values, stage, right)
         for i in range(n):
@@ -355,7 +360,17 @@ def banded_stages(task, values, stage):
             right[i] = ordered[place[i]]
         add_solution(k, right, stage, found)
     put_matrix(found, values)
+    scale(stage, values, False)
     return 0
+
+
+@inner(allocates=True)
+def scaled_entries(stage):
+    """Return the entries of the sparse Jacobian of y over the scales of its components."""
+    entries, scales = stage.jacobians[0].copy(), stage.scales
+    for k in range(entries.shape[1]):
+        entries[VALUES, k] *= scales[int(entries[COLUMNS, k])] / scales[int(entries[ROWS, k])]
+    return entries
 
 
 @plug_in
@@ -368,9 +383,11 @@ def sparse_stages(task, values, stage):
     n, found = stage.order.shape[0], np.zeros(values.shape)
     if task == FACTORISE and not diagonalise_stages(stage):
         return 1
-    right = np.empty(n, dtype=np.complex128)
+    right, entries = np.empty(n, dtype=np.complex128), scaled_entries(stage)
+    if task != FACTORISE:
+        scale(stage, values, True)
     for k in range(int(stage.control[SYSTEMS])):
-        given, wanted = stage.jacobians.ctypes.data, right.ctypes.data
+        given, wanted = entries.ctypes.data, right.ctypes.data
         if task == FACTORISE:
             right[0] = stage.shifts[k]
         else:
@@ -384,6 +401,7 @@ def sparse_stages(task, values, stage):
             add_solution(k, right, stage, found)
     if task != FACTORISE:
         put_matrix(found, values)
+        scale(stage, values, False)
     return 0
 
 
@@ -470,17 +488,11 @@ def set_entries(stage):
 
 
 @inner
-def set_scales(units, stage):
-    """Set the scale of each component to the largest power of 2 up to its unit; units (d,).
-
-    Only the single system of all stages has such scales. If a scale changes, the factors become
-    invalid.
-    """
-    for c in range(units.shape[0] if stage.joint.shape[0] > 0 else 0):
-        scale = math.ldexp(1.0, math.frexp(units[c])[1] - 1)
-        if scale != stage.scales[c]:
-            stage.scales[c] = scale
-            stage.control[LENGTH] = stage.control[REDUCED] = 0.0
+def set_scales(reach, units, stage):
+    """Set scales of components to powers of 2: of their reach (d,) or, if it is 0, their units."""
+    for c in range(units.shape[0]):
+        size = reach[c] if reach[c] > LEAST else units[c]
+        stage.scales[c] = math.ldexp(1.0, math.frexp(size)[1] - 1)
 
 
 @inner

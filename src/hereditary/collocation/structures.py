@@ -53,9 +53,11 @@ CONTROL = np.dtype([(name, "f8") for name in _TIMES], align=True)
 COUNTS = np.dtype(
     [("rhs", "i8"), ("accepted", "i8"), ("rejected", "i8"), ("by_defect", "i8")], align=True
 )
-# Record of the contraction of Newton's method: its rate, and the change of p and the step length at
-# which the rate was observed.
-CONTRACTION = np.dtype([("rate", "f8"), ("change", "f8"), ("length", "f8")], align=True)
+# Record of the contraction of Newton's method: its rate, the change of p and the step length at
+# which the rate was observed, and the last change. Changes are in units of Newton's tolerance.
+CONTRACTION = np.dtype(
+    [("rate", "f8"), ("change", "f8"), ("length", "f8"), ("last", "f8")], align=True
+)
 # Record of two steps: the one that the tables of varying orders are valid for, and the one for
 # which the march requests them. Starts are times since the origin.
 TABULATED = np.dtype(
@@ -84,7 +86,7 @@ class Equations(NamedTuple):
     - unweighted: integrands of terms with varying orders; their modes are stored without weights.
     - kinds (d,): number of each component's kind; components of one kind have the same terms.
     - units (d,): size of each component, for the increments of difference quotients of f.
-    - quantities (d,): number of a physical quantity; components with one number share their scale.
+    - rates (d,): f of a component over the y that it makes in the run, if it is constant.
     - sources, least (d,): the size of a component is at least this multiple of its source's size.
     - divisors (d,): least number by which an implicit row is divided.
     """
@@ -97,7 +99,7 @@ class Equations(NamedTuple):
     unweighted: Integers
     kinds: Integers
     units: Vector
-    quantities: Integers
+    rates: Vector
     sources: Integers
     least: Vector
     divisors: Vector
@@ -218,6 +220,7 @@ class MarchState(NamedTuple):
     - control, counts, contraction: records `CONTROL`, `COUNTS` and `CONTRACTION`.
     - largest (d,): the largest |y'| so far, where p is y'.
     - sizes (d,): the largest |y| so far.
+    - reach (d,): what other components could make of each during the run (compiled/reach.py).
     """
 
     control: Control
@@ -225,6 +228,7 @@ class MarchState(NamedTuple):
     contraction: Contraction
     largest: Vector
     sizes: Vector
+    reach: Vector
 
 
 class Steps(NamedTuple):
@@ -278,7 +282,7 @@ class FirstJacobian(NamedTuple):
 
     - right, equations, limits: as in `AdaptiveWork`; t: time.
     - x (d,): y.
-    - sizes (d,): sizes of the components, which are raised to the least ones of their quantity.
+    - state: its `reach` is set.
     - units (d,): sizes for the increments of difference quotients of f, which are set.
     """
 
@@ -287,7 +291,7 @@ class FirstJacobian(NamedTuple):
     limits: Limits
     t: float
     x: Vector
-    sizes: Vector
+    state: MarchState
     units: Vector
 
 
@@ -384,7 +388,6 @@ class StageWorkspace(NamedTuple):
     - point, f_at_point (d,): a value of y, and f there.
     - newton_tol (d,): error of p that Newton's method may leave.
     - errors, defect (d,): estimated error of p, and defect of f between the nodes.
-    - hidden (d,): the largest |p| of the same quantity; a smaller component may be its rounding.
     - sizes, sizes_before (d,): sizes of y to which errors are relative, now and before the step.
     - units (d,): size of each component, for the increments of difference quotients of f.
     - force_scales, start_scales (d,): scales |J| |y| and |J| |y(0)| of the rounding error of f.
@@ -408,7 +411,6 @@ class StageWorkspace(NamedTuple):
     newton_tol: Vector
     errors: Vector
     defect: Vector
-    hidden: Vector
     sizes: Vector
     sizes_before: Vector
     units: Vector
@@ -485,7 +487,7 @@ ADAPTIVE_MARCH = Reference(compiled_type(AdaptiveMarch))
 
 # Fields of `StageWorkspace` with one number for each component.
 _BY_COMPONENT = (
-    "point", "f_at_point", "newton_tol", "errors", "defect", "hidden", "sizes", "sizes_before",
+    "point", "f_at_point", "newton_tol", "errors", "defect", "sizes", "sizes_before",
     "units", "force_scales", "starts", "start_scales",
 )  # fmt: skip
 
@@ -526,8 +528,9 @@ def initial_state(h: float, largest: np.ndarray, sizes: np.ndarray) -> MarchStat
 
     `largest` and `sizes` (d,) are the initial values of the fields with these names.
     """
-    contraction = record(CONTRACTION, (1.0, 1.0, 1.0))
-    return checked(MarchState(record(CONTROL, next=h), record(COUNTS), contraction, largest, sizes))
+    contraction = record(CONTRACTION, (1.0, 1.0, 1.0, 0.0))
+    control, reach = record(CONTROL, next=h), sizes.copy()
+    return checked(MarchState(control, record(COUNTS), contraction, largest, sizes, reach))
 
 
 def restored_state(kept: tuple[np.ndarray, ...]) -> MarchState:

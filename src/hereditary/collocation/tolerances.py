@@ -10,7 +10,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..compiled.jit import F8, IVEC, VEC, entry, inner
+from ..compiled.jacobian import LEAST
+from ..compiled.jit import inner
+from ..compiled.reach import SMALL
 from .operators import POSITION
 from .step_limits import MAX_STEPS
 
@@ -40,19 +42,14 @@ _MIN_RTOL_OF_FIRST_STEPS = 5e-14
 # Error of p that Newton's method may leave (its tolerance), as fraction of the error that a step
 # may make.
 _NEWTON_TOL_FRACTION = 0.01
-# Least tolerance of Newton's method for a small component, as fraction of the largest component of
-# its quantity. A small component may be the difference of equal ones, rounding of this size. With a
-# tenth, runs at rtol 1e-8 take up to three times the steps if such a difference drives others.
-_MIN_NEWTON_TOL_OF_QUANTITY = 3e-15
+# Error that Newton's method may leave in a component far below its reach, as fraction of what
+# others could make of it in the step. It may be a difference of equal ones, rounding of this size.
+_ROUNDING_OF_REACH = 3e-15
 # Rounding error of integrals of y over a step, as a fraction of y, where p is y'.
 ROUNDING_OF_SUMS = 1e-15
 # Change of y over the run that the allowed error of y' may cause, in units of the tolerance of y
 # relative to its size.
 OF_SPEED = 4.0
-# Least size of a component, as fraction of the largest component of the same quantity. With 1e-5 a
-# component of 1e-8 of the largest errs by 1.1 tolerances instead of 0.02 (six problems in random
-# units).
-SMALL = 1e-6
 
 
 class Allowed(NamedTuple):
@@ -149,43 +146,48 @@ def undamped(estimate: float, of_fit: float, moved: float, n_steps: int) -> floa
 
 
 @inner
-def raise_small(quantities, fraction, sizes):
-    """Raise the sizes of components, (d,), to a fraction of the largest size of their quantity.
+def raise_to_least(equations, reach, sizes):
+    """Raise the sizes of components, (d,), to a part of their reach, and of their sources' sizes.
 
-    `quantities` (d,) has the number of each component's quantity. Returns whether a quantity has
-    sizes of 0 only.
+    Returns whether any size is still 0.
     """
-    number, begins, more = 0, False, True
-    while more:
-        largest, more = 0.0, False
-        for c in range(sizes.shape[0]):
-            more = more or quantities[c] > number
-            if quantities[c] == number:
-                largest = max(largest, sizes[c])
-        for c in range(sizes.shape[0]):
-            if quantities[c] == number:
-                sizes[c] = max(sizes[c], fraction * largest)
-        begins = begins or largest == 0.0
-        number += 1
+    begins = False
+    for c in range(sizes.shape[0]):
+        sizes[c] = max(sizes[c], SMALL * reach[c])
+    for c in range(sizes.shape[0]):
+        sizes[c] = max(sizes[c], equations.least[c] * sizes[equations.sources[c]])
+        begins = begins or sizes[c] <= LEAST
     return begins
 
 
 @inner
-def raise_to_least(equations, sizes):
-    """Raise the sizes of components, (d,), to the least ones of their quantity and their source.
+def raise_sizes(values, sizes):
+    """Raise `sizes` (d,) to the largest |y| at the nodes; return whether any grew by a tenth.
 
-    Returns whether a quantity has sizes of 0 only.
+    `values` (n_q, d, s) has y in it.
     """
-    begins = raise_small(equations.quantities, SMALL, sizes)
+    grew = False
     for c in range(sizes.shape[0]):
-        sizes[c] = max(sizes[c], equations.least[c] * sizes[equations.sources[c]])
-    return begins
+        before = sizes[c]
+        for i in range(values.shape[2]):
+            size = abs(values[POSITION, c, i])
+            sizes[c] = size if sizes[c] < size < np.inf else sizes[c]
+        grew = grew or sizes[c] > 1.1 * before
+    return grew
 
 
-@entry(IVEC, F8, VEC)
-def raise_small_once(quantities, fraction, sizes):
-    """Call the compiled function `raise_small` from Python."""
-    raise_small(quantities, fraction, sizes)
+@inner
+def begin_sizes(values, sizes):
+    """Set sizes (d,) that are 0 to the largest |y| at the nodes; return whether any changed."""
+    changed = False
+    for c in range(sizes.shape[0]):
+        largest = 0.0
+        for i in range(values.shape[2] if sizes[c] <= LEAST else 0):
+            size = abs(values[POSITION, c, i])
+            largest = size if largest < size < np.inf else largest
+        if largest > LEAST:
+            sizes[c], changed = largest, True
+    return changed
 
 
 @inner
@@ -208,23 +210,23 @@ def set_newton_tol(m, h):
 
     It is a fraction of the tolerance. If the equation for p = y' has terms of y, the tolerance is
     at least the error of p by rounding of y. This error counts up to the one that changes y by its
-    rounding over the step. The tolerance of a small component is at least the rounding error of the
-    largest component of its quantity.
+    rounding over the step. A component far below its reach may be rounding of others. Its tolerance
+    is at least the rounding error of what these make of it in the step.
     """
     equations, orbit = m.equations, m.orbit
     state, limits, workspace = m.state, m.limits, m.workspace
     terms, orders, above_one = equations.terms, equations.orders, equations.above_one
-    newton_tol, d = workspace.newton_tol, workspace.newton_tol.shape[0]
+    newton_tol, d, sums = workspace.newton_tol, workspace.newton_tol.shape[0], m.operators.sums
     for c in range(d):
         size = max(state.largest[c], abs(orbit.p[0, c]))
         newton_tol[c] = _NEWTON_TOL_FRACTION * allowed_error(
             c, size, workspace.sizes[c], above_one[c], 1.0, limits
         )
-        workspace.hidden[c] = size if above_one[c] == 1 else workspace.sizes[c]
-    raise_small(equations.quantities, 1.0, workspace.hidden)
-    for c in range(d if limits.by_size > 0.0 else 0):
-        if state.sizes[c] < workspace.sizes[c]:
-            newton_tol[c] = max(newton_tol[c], _MIN_NEWTON_TOL_OF_QUANTITY * workspace.hidden[c])
+        if limits.by_size > 0.0 and state.sizes[c] < workspace.sizes[c]:
+            whole = 1.0 / limits.t_end if above_one[c] == 1 else 1.0
+            share = min(whole, equations.rates[c] * abs(sums[equations.kinds[c], -1]))
+            rounding = _ROUNDING_OF_REACH * state.reach[c]
+            newton_tol[c] = max(newton_tol[c], rounding * (share if share > 0.0 else whole))
     for n in range(terms.shape[0]):
         c, k = terms[n].row, terms[n].index
         if terms[n].integrand == POSITION and 0 <= k < orders.shape[0] and c < d:

@@ -147,7 +147,7 @@ def chained(left: Sequence[SystemTerm], y0: np.ndarray, functions: Functions) ->
     functions = mapped(functions, size, d, lower, before)
     start = np.array([[y0[k, j] for j, k in pairs]]) if above else y0
     speeds = np.array([places.get((j, 1), -1) for j in range(d)] if above else [], dtype=np.int64)
-    of_y, quantities = np.array(pairs, dtype=np.int64).T.copy()
+    of_y = np.array([j for j, _ in pairs], dtype=np.int64)
     found = [*own, *((operator, place, 1.0) for (operator, _), place in memory.items())]
     sources = np.append(np.arange(len(pairs)), [s for _, s in memory]).astype(np.int64)
     left = left_of(found, size)
@@ -158,7 +158,6 @@ def chained(left: Sequence[SystemTerm], y0: np.ndarray, functions: Functions) ->
         None,
         sources,
         of_y=of_y[sources],
-        quantities=quantities[sources],
     )
     return Chained(system, speeds)
 
@@ -195,7 +194,7 @@ def _with_algebraic_rows(
     of_y = np.append(np.arange(d), np.abs(matrix).argmax(axis=1))
     further = np.repeat([0, 1], [d, len(rows)])
     terms = [SystemTerm(ConstantOrder(order), further.astype(float))]
-    system = System(terms, start, functions, of_y=of_y, quantities=further)
+    system = System(terms, start, functions, of_y=of_y)
     return Chained(system, np.full(d, -1))
 
 

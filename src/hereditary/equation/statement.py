@@ -220,7 +220,7 @@ def _without_unread(system: System, left: Sequence[SystemTerm], factors: np.ndar
     kept = np.append(np.full(d, True), factors.ravel() != 0)
     sources = np.tile(np.arange(d), 1 + k)[kept]
     left = [SystemTerm(operator, c[kept]) for operator, c in left]
-    known: dict[str, Any] = {"quantities": system.quantities[sources], "of_y": system.of_y[sources]}
+    known: dict[str, Any] = {"of_y": system.of_y[sources]}
     if not kept.all():
         ones, places = np.ones(kept.sum()), np.flatnonzero(kept)
         read = np.c_[places, np.arange(places.size), ones]

@@ -61,10 +61,8 @@ class System:
     structure : Structure, optional
         Entries of the Jacobian that may differ from 0. With it, functions for the Jacobian set
         these entries only.
-    quantities, of_y : ndarray of int64, shape (d,), optional
-        For each component, the number of the quantity whose scale it has: 0 for y, others for
-        derivatives and for parameters. `of_y` is the component of y to which it belongs, its source
-        by default.
+    of_y : ndarray of int64, shape (d,), optional
+        The component of y to which each component belongs, its source by default.
     frame : Frame
         Map between times and components of a run and those of the user.
     rhs_digest, terms_digest : str
@@ -93,7 +91,6 @@ class System:
     force_of_plan: Any = None
     sources: Any = None
     structure: Structure | None = None
-    quantities: Any = None
     of_y: Any = None
     frame: Frame = _IDENTITY_FRAME
     rhs_digest: str = ""
@@ -114,8 +111,6 @@ class System:
         set_once("d", self.y0.shape[1])
         if self.sources is None:
             set_once("sources", np.arange(self.d))
-        if self.quantities is None:
-            set_once("quantities", np.zeros(self.d, dtype=np.int64))
         if self.of_y is None:
             set_once("of_y", self.sources)
 
@@ -290,13 +285,13 @@ class System:
         """Return d rhs / d y at (t, y): the given one, or differences.
 
         The result is an array (d, d), or SciPy's CSR array if `structure` is given. Times count
-        from the start. A complex component is two real ones. `units` are those of `positive_units`
-        by default.
+        from the start. A complex component is two real ones. `units` are those of a run to t = 1 by
+        default.
         """
         structure, d = self.structure, self.d
         out = np.empty((d, d)) if structure is None else structure.entries.copy()
         y = np.array(y, dtype=float)
-        units = self.positive_units if units is None else units
+        units = self.units() if units is None else units
         jacobian_at(self.compiled, float(t), y, units, out)
         return out if structure is None else structure.matrix(out[VALUES])
 
@@ -308,16 +303,45 @@ class System:
         return out
 
     @cached_property
-    def units(self) -> np.ndarray:
-        """Units of the components, (d,), for differences where y is small; 0 if unknown."""
+    def _units(self) -> dict[float, np.ndarray]:
+        """Units of the components by the length of the run; 0 if they are not known."""
+        return {}
+
+    def _known_units(self, t_end: float) -> np.ndarray:
+        """Return the units of the components in a run to t_end, (d,); 0 if they are not known."""
+        found = self._units.get(t_end)
+        if found is None:
+            found = units_of(self.compiled, self.at_start, t_end, self.rates(t_end))
+            self._units[t_end] = found
+        return found
+
+    def units(self, t_end: float = 1.0) -> np.ndarray:
+        """Return units of the components in a run to t_end, (d,), for differences where y is 0.
+
+        Unknown units are 1.
+        """
         if self.has_jac:
             return np.ones(self.d)
-        return units_of(self.compiled, self.at_start)
+        known = self._known_units(t_end)
+        return np.where(known > 0, known, 1.0)
 
-    @property
-    def positive_units(self) -> np.ndarray:
-        """Units of the components, with 1 in place of unknown units."""
-        return np.where(self.units > 0, self.units, 1.0)
+    @_of_left
+    def _rates(self) -> dict[float, np.ndarray]:
+        """Rates of the components by the length of the run."""
+        return {}
+
+    def rates(self, t_end: float) -> np.ndarray:
+        """Return f over the y that it makes in a run to t_end, if it is constant, (d,).
+
+        It is 1 / t_end for y' = f, and 0 for an algebraic row.
+        """
+        found = self._rates.get(t_end)
+        if found is None:
+            found = np.zeros(self.d)
+            for operator, coefficients in self.left:
+                found += np.abs(coefficients) * operator.rate(t_end)
+            self._rates[t_end] = found
+        return found
 
     def dense(self) -> System:
         """Return the system with a dense Jacobian, for methods that need one.

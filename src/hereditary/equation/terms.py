@@ -84,6 +84,10 @@ class ConstantOrder:
         """
         return float(h**-self.order * rgamma(self.power + 1))
 
+    def rate(self, t_end: float) -> float:
+        """Return its value at t_end over y there if the value is constant, as it is of t**alpha."""
+        return math.gamma(1 + self.order) * t_end**-self.order
+
     def in_steps(self, h: float) -> PowerSteps:
         """Return the kernel ``p t**(p-1)``, with t in units of the step h."""
         return PowerSteps(self.power)
@@ -137,6 +141,11 @@ class KernelOperator:
     def factor(self, h: float) -> float:
         """Return what multiplies sums over increments of y, 1, or over their differences, 1/h."""
         return 1 / h if self.derivative == 2 else 1.0
+
+    def rate(self, t_end: float) -> float:
+        """Return its value at t_end over y there if y^(m) is constant."""
+        integral = abs(float(self.kernel.integral(min(t_end, self.t_last))))
+        return integral * t_end**-self.derivative
 
     def in_steps(self, h: float) -> StepKernel:
         """Return the kernel K(h t), or its integral if the operator acts on y itself."""
@@ -224,6 +233,10 @@ class VaryingOrder:
     def order(self) -> float:
         """m, the upper bound of its orders."""
         return float(self.derivative)
+
+    def rate(self, t_end: float) -> float:
+        """Return its value at t_end over y there, with the order at the start."""
+        return float(t_end ** -self.sampled(np.zeros(1))[0][0])
 
     def powers(self, times: np.ndarray) -> tuple[np.ndarray, str]:
         """Return p = m - alpha at increasing times (n,), up to the first order out of range.

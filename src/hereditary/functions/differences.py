@@ -21,12 +21,12 @@ _OF_ENTRY = 1e-3
 _OF_GIVEN = 1e-6
 # Such a deviation for the product of a sparse Jacobian by differences with a direction.
 _OF_DIFFERENCES = 1e-9
-# Fraction of the largest component of y0 up to which a component counts as next to 0.
-_NEXT_TO_0_FRACTION = 1e-3
-# Times at which f is evaluated if it is 0 at t = 0, because it may start later [time].
-_LATER = (1e-3, 1e-2, 0.1, 1.0, 10.0)
-# First trial of a step of a component at or near 0, as fraction of f.
+# Times at which f is evaluated until it moves a component at 0, as fractions of the run.
+_LATER = (0.0, 1e-3, 1e-2, 0.1, 1.0)
+# First trial of a step of a component at 0: what f makes of it in this fraction of the run.
 _FIRST_STEP = 1e-3
+# Largest number of evaluations in search of components that others move.
+_MOST_SEARCHES = 100
 # Ratio of one trial step to the next one.
 _TRIAL_STEP_RATIO = 1024.0
 # Largest number of trial steps of a component.
@@ -181,39 +181,45 @@ def _values(right: RightSide, t: float, y: np.ndarray, shifts: np.ndarray) -> np
     return values
 
 
-def units_of(right: RightSide, y0: np.ndarray) -> np.ndarray:
+def units_of(
+    right: RightSide, y0: np.ndarray, t_end: float = 1.0, rates: np.ndarray | float = 1.0
+) -> np.ndarray:
     """Return units of components, (d,), for the steps of differences where y is small.
 
-    The unit is about the size of the component in y0. For a component at or near 0 it is a step
-    that changes f clearly and proportionally, or 0 if no such step is found. In systems of more
-    than `FEW` components all have one unit, the largest size of a component in y0. If y0 = 0 it is
-    that in f.
+    The unit is the size of the component in y0. For a component at 0 it is the change by f in a
+    thousandth of the run to t_end, with others at their units. In systems of up to `FEW`
+    components it is a step near that, which changes f clearly and proportionally. It is 0 if f
+    moves the component at none of five times. The `rates` (d,) are f over the y that it makes in
+    the run, if it is constant.
     """
-    units = np.abs(y0)
-    (small,) = (units <= _NEXT_TO_0_FRACTION * units.max()).nonzero()
-    if y0.size > FEW:  # one unit for all components of a large system
-        units[:] = units.max() or np.abs(_moved(right, y0)).max()
-        small = small[:0]
-    for c in small.tolist():
+    units, y = np.abs(y0), y0.copy()
+    if not units.all():
+        later = iter(_LATER)
+        t = next(later) * t_end
+        for _ in range(_MOST_SEARCHES):
+            unknown = units == 0
+            with np.errstate(all="ignore"):  # the rate of an algebraic row is 0
+                made = _FIRST_STEP * _moved(right, y, t=t) / rates
+            seen = unknown & (np.abs(made) > LEAST) & (np.abs(made) < np.inf)
+            units[seen], y[seen] = np.abs(made[seen]), made[seen]
+            if seen.all() or not unknown.any():
+                break
+            if not seen.any():
+                if (share := next(later, None)) is None:
+                    break
+                t = share * t_end
+    for c in np.flatnonzero(y0 == 0).tolist() if y0.size <= FEW else ():
         with np.errstate(all="ignore"):  # steps may grow beyond all numbers
-            units[c] = _visible_step(right, y0, c)
-    # powers of two, with which scaling is exact
-    known = (units > LEAST) & (units < np.inf)
-    return np.ldexp(known.astype(float), np.frexp(np.where(known, units, 1.0))[1] - 1)
+            units[c] = _visible_step(right, y0, c, units[c])
+    return np.where((units > LEAST) & (units < np.inf), units, 0.0)
 
 
-def _visible_step(right: RightSide, y0: np.ndarray, c: int) -> float:
-    """Return a step of component c that changes f clearly and proportionally at t = 0.
+def _visible_step(right: RightSide, y0: np.ndarray, c: int, step: float) -> float:
+    """Return a step of component c near a first one that changes f clearly and proportionally.
 
     Returns 0 if no trial step does.
     """
     force, found, shrunk = _moved(right, y0), 0.0, False
-    size = max(abs(y0[c]), _FIRST_STEP * abs(force[c]))
-    size = size if size > LEAST else _FIRST_STEP * np.abs(y0).max()
-    if size == 0:  # f_c = 0 at first: it may start later, or depend on others only
-        later = [abs(_moved(right, y0, t=t)[c]) for t in _LATER]
-        size = _FIRST_STEP * (np.nanmax([0.0, *later]) or np.abs(force).max())
-    step = size
     for _ in range(_MOST_TRIALS if 0 < step < np.inf else 0):
         change, twice = (_moved(right, y0, c, by) - force for by in (step, 2 * step))
         linear = np.abs(twice - 2 * change) <= 0.1 * np.abs(twice) + 1e-13 * np.abs(force)

@@ -165,12 +165,15 @@ class TangentStepper(Stepper):
     def transform_tangent(self, matrix: np.ndarray) -> None:
         """Replace the tangents and their history by ``tangent @ matrix``; matrix (k, k)."""
 
+    # sizes of y, then of y' for orders above 1, over which tangents become orthonormal, (n_data, 1)
+    norm: np.ndarray | float = 1.0
+
     def grow(self, stop: float, schedule: Any) -> Grown:
         """Make steps towards position `stop`, and make the tangents orthonormal by `schedule`.
 
         This is Benettin's method: at a renormalisation ``tangent = Q R``, and the tangents are
         multiplied by the inverse of R. This method does at most one renormalisation in a call. That
-        of a subclass may do more.
+        of a subclass may do more. Tangents are orthonormal over the sizes `norm`.
 
         Parameters
         ----------
@@ -183,7 +186,7 @@ class TangentStepper(Stepper):
         piece, none = self.advance(min(stop, target)), np.empty((0, 1 + k))
         if self.position < target or self.failure:
             return Grown(piece, none)
-        r = np.linalg.qr(self.tangent, mode="r")
+        r = np.linalg.qr(self.tangent / self.norm, mode="r")
         r *= np.sign(np.diag(r))[:, None]
         if not (np.all(np.isfinite(r)) and np.diag(r).min() > 0):
             return Grown(piece, none, lost=True)
