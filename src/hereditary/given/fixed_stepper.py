@@ -60,6 +60,9 @@ from .steps import MeshSteps, UniformSteps, before_break, break_steps, rows_besi
 # blocks of 64 steps the sums inside the block dominate, in blocks below 16 the calls of the
 # history.
 BLOCK = 32
+# Length of a run, in first steps, for units of components that are 0. It is not that of the run,
+# because a resumed run repeats all bits.
+_STEPS_OF_UNITS = 1e4
 # Rounding error of y, relative to y.
 _ROUNDING_OF_Y = 1e-13
 # Seconds that one call of the compiled march lasts, between two checks for Ctrl-C and the progress
@@ -213,8 +216,9 @@ class FixedStepper(ResumableStepper, TangentStepper, JumpingStepper):
         )
         self.n, self.t = 0, 0.0
         self._march.monitor["turns"][: orders.size] = np.where(orders == 2, -1.0, 0.0)
-        workspace = np.empty((len(StepWorkspace._fields) - 1, width))
-        self._workspace = StepWorkspace._make([*workspace, self._marched.positive_units])
+        units = self._marched.units(_STEPS_OF_UNITS * self.steps.unit(1))
+        workspace = np.empty((len(StepWorkspace._fields) - 4, width))
+        self._workspace = StepWorkspace._make([*workspace, *np.zeros((3, units.size)), units])
         self._right = self._marched.compiled
 
     def set_breaks(self, times: np.ndarray, t_end: float) -> None:

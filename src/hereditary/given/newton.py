@@ -8,6 +8,7 @@ import numpy as np
 from ..compiled.functions import set_force
 from ..compiled.jacobian import (
     COLUMNS,
+    LEAST,
     ROWS,
     VALUES,
     add_derivative_by,
@@ -43,13 +44,16 @@ _TOL_FACTOR_OF_EARLIER = 1e-6
 _MAX_RATIO_OF_EXACT_FACTORS = 1e-8
 # Ratio of a Newton correction to its residual above which the matrix counts as nearly singular.
 _MAX_GROWTH_OF_CORRECTION = 1e6
-# Allowed error of the increment w, relative to w. A step is solved if the estimated error is below
-# this part plus the parts by _ROUNDING_RTOL and _UNDERFLOW_ATOL.
+# Allowed error of the increment w of a component, relative to w. A step is solved if the estimated
+# error is below this part plus the parts by _ROUNDING_RTOL and _UNDERFLOW_ATOL.
 _INCREMENT_RTOL = 1e-13
 # Allowed error of the increment by rounding of the solution, relative to the solution.
 _ROUNDING_RTOL = 2e-16
 # Allowed absolute error of the increment, which covers underflow.
 _UNDERFLOW_ATOL = 1e-300
+# Size up to which a component may be rounding of others that has added up, in errors by rounding of
+# one step.
+_OF_NOISE = 1e3
 # A residual below this fraction of its summands is a rounding error.
 _ROUNDING_OF_RESIDUAL = 4e-15
 # Residuals are compared with rounding errors only if a Newton correction is below this fraction of
@@ -75,11 +79,15 @@ def solve_step(march, t):
     n, d, few = m.table.n_orbit, m.table.n_solved, m.linear.few == 1
     base, scale, lead, known = workspace.base, workspace.scale, workspace.lead, workspace.known
     w, first, shift, change = workspace.w, workspace.first, workspace.shift, workspace.moved[:n]
+    per_unit = workspace.per_unit
     point, f = workspace.point[:n], workspace.f[:n]
     previous, residual, grown = np.inf, 0.0, 0.0
     fresh, stalled, done = False, False, False
     for c in range(d):
         first[c] = change[c] = w[c]
+        size = abs(w[c]) + abs(shift[c]) + abs(base[c])
+        per_unit[c] = 1.0 if d == 1 else 1.0 / (size if size > LEAST else workspace.units[c])
+        workspace.noise[c] = 0.0
     if counts.renewed > 0:
         counts.renewed, counts.kept = counts.renewed - 1, 0
     for iteration in range(_STEP_NEWTON_MAXITER):
@@ -98,7 +106,7 @@ def solve_step(march, t):
         if stalled and grown < _MAX_GROWTH_OF_CORRECTION:
             done = within_rounding(m, change)
         for c in range(d if previous == np.inf and not few else 0):
-            residual = max(residual, abs(change[c]))
+            residual = max(residual, abs(change[c]) * (per_unit[c] / abs(scale[c])))
         if not few:
             m.solver(SUBSTITUTE, 0, work[1], change, m.linear)
         else:
@@ -106,18 +114,16 @@ def solve_step(march, t):
             if not solve_in_place(work[1], change):
                 change[0] = np.inf
             counts.factorised += 1
-        size, largest, reference = 0.0, 0.0, 0.0
         for c in range(d):
             w[c] += change[c]
-            size = max(size, abs(change[c]))
-            largest = max(largest, abs(w[c]) + abs(shift[c]))
-            reference = max(reference, abs(base[c]))
+        size, allowed = size_of(m, change)
+        slow = _MAX_CORRECTION_RATIO_OF_EARLIER if few and not fresh else _MAX_CORRECTION_RATIO
+        if d > 1 and previous < np.inf and size > slow * previous and find_noise(m):
+            size, allowed = size_of(m, change)
         grown = max(grown, size / residual) if residual > 0.0 else grown
         residual = 0.0
-        allowed = _INCREMENT_RTOL * largest + _ROUNDING_RTOL * reference + _UNDERFLOW_ATOL
         allowed *= _TOL_FACTOR_OF_EARLIER if few and not fresh else 1.0
-        slow = _MAX_CORRECTION_RATIO_OF_EARLIER if few and not fresh else _MAX_CORRECTION_RATIO
-        unchecked = not stalled and size <= _MAX_CORRECTION_IN_ROUNDING * (largest + reference)
+        unchecked = not stalled and shrank(m, change)
         answer = verdict(size, previous, allowed, slow, fresh, unchecked)
         if done or (counts.at_once == 1 and size < np.inf):
             answer = ACCEPT
@@ -142,6 +148,61 @@ def solve_step(march, t):
 
 
 @inner
+def size_of(m, change):
+    """Return the size of a correction of w, (d,), and the allowed error in the same unit.
+
+    The size is the largest of any component, in its unit. The allowed error is the size times the
+    least ratio of a component's allowed error to its correction. Components that are rounding of
+    others do not count.
+    """
+    workspace, d, size, ratio = m.workspace, m.table.n_solved, 0.0, np.inf
+    w, shift, base, per_unit = workspace.w, workspace.shift, workspace.base, workspace.per_unit
+    for c in range(d):
+        moved = abs(change[c])
+        if workspace.noise[c] == 0.0:
+            error = _INCREMENT_RTOL * (abs(w[c]) + abs(shift[c])) + _ROUNDING_RTOL * abs(base[c])
+            error += _UNDERFLOW_ATOL
+            if d == 1:
+                return moved, error
+            size = moved * per_unit[c] if not moved * per_unit[c] <= size else size
+            ratio = min(ratio, error / moved) if moved > 0.0 else ratio
+    return size, size * ratio if size > 0.0 else 0.0
+
+
+@inner
+def shrank(m, change):
+    """Return whether a correction of w, (d,), is small in all components but rounding of others."""
+    workspace, small = m.workspace, True
+    for c in range(m.table.n_solved):
+        reference = abs(workspace.w[c]) + abs(workspace.shift[c]) + abs(workspace.base[c])
+        counts = workspace.noise[c] == 0.0
+        small = small and not (counts and abs(change[c]) > _MAX_CORRECTION_IN_ROUNDING * reference)
+    return small
+
+
+@inner
+def find_noise(m):
+    """Set `workspace.noise` (W,) to |y| where it is rounding of others, else 0; return if any is.
+
+    Rounding of one step adds up to `_OF_NOISE` times its size. A component that is moved by
+    rounding alone is rounding as well.
+    """
+    workspace, n, d, more, found = m.workspace, m.table.n_orbit, m.table.n_solved, True, False
+    lead, f, gain, scale = workspace.lead, workspace.f, workspace.gain, workspace.scale
+    point, noise, sizes, moved = workspace.point, workspace.noise, workspace.sizes, workspace.passed
+    magnitudes(m.state.newton[0], point[:n], sizes)  # sizes of the summands of f
+    while more:
+        more = False
+        magnitudes(m.state.newton[0], noise[:n], moved)
+        for c in range(d):
+            rounding = _ROUNDING_OF_RESIDUAL * (sizes[c] + abs(f[c])) + moved[c]
+            rounding *= _OF_NOISE * abs(gain[c] * lead[c] / scale[c])
+            if noise[c] == 0.0 and 0.0 < abs(point[c]) <= rounding:
+                noise[c], more, found = abs(point[c]), True, True
+    return found
+
+
+@inner
 def verdict(size, previous, allowed, slow, fresh, unchecked):
     """Return what follows a Newton correction, as a verdict of compiled/newton.py.
 
@@ -152,10 +213,10 @@ def verdict(size, previous, allowed, slow, fresh, unchecked):
     Parameters
     ----------
     size, previous : float
-        The correction and the one before, in the maximum norm. `previous` is infinite for the first
-        one with a new Jacobian.
+        The correction and the one before, the largest in units of its component. `previous` is
+        infinite for the first one with a new Jacobian.
     allowed : float
-        Allowed error.
+        Allowed error in the same unit.
     slow : float
         Rate above which the Jacobian is computed again.
     fresh : bool
@@ -164,12 +225,12 @@ def verdict(size, previous, allowed, slow, fresh, unchecked):
         Whether the correction is small, and no residual was compared with rounding errors yet.
     """
     rate = size / previous if previous < np.inf else 1.0
-    if unchecked and previous < np.inf and rate > _MIN_RATIO_IN_ROUNDING:
-        return CHECK  # rounding may be the reason
     if not size < np.inf:
         return FAIL if fresh else RESTART
     if (size * rate / (1.0 - rate) if rate < 1.0 else size) <= allowed:
         return ACCEPT
+    if unchecked and previous < np.inf and rate > _MIN_RATIO_IN_ROUNDING:
+        return CHECK  # rounding may be the reason
     if rate >= 1.0 and previous < np.inf:
         return REFRESH if fresh else RESTART
     return REFRESH if slow < rate < 1.0 else ITERATE
@@ -243,17 +304,16 @@ def set_factors(m, number):
     return m.solver(FACTORISE, number, matrix, m.workspace.moved[: m.table.n_orbit], m.linear) == 0
 
 
-@inner(allocates=True)
+@inner
 def within_rounding(m, residual):
     """Return whether all residuals (n,) are as small as rounding errors of their summands."""
     workspace, n = m.workspace, m.table.n_orbit
-    lead, f = workspace.lead, workspace.f
-    known, scale, w = workspace.known, workspace.scale, workspace.w
-    sizes = np.empty(n)
+    lead, f, sizes = workspace.lead, workspace.f, workspace.sizes
+    known, scale, w, noise = workspace.known, workspace.scale, workspace.w, workspace.noise
     magnitudes(m.state.newton[0], workspace.point[:n], sizes)  # sizes of the summands of f
     for i in range(m.table.n_solved):
         size = abs(lead[i]) * (sizes[i] + abs(f[i])) + abs(known[i]) + abs(scale[i] * w[i])
-        if not abs(residual[i]) <= _ROUNDING_OF_RESIDUAL * size:
+        if noise[i] == 0.0 and not abs(residual[i]) <= _ROUNDING_OF_RESIDUAL * size:
             return False
     return True
 

@@ -268,6 +268,9 @@ class StepWorkspace(NamedTuple):
     - moved (W,): the change of w in a corrector sweep or a Newton iteration.
     - point, base, gain (W,): f is taken at ``point = base + gain w``.
     - first (W,): the first guess of w in Newton's method.
+    - per_unit (W,): 1 over the sizes in which corrections of Newton's method are compared.
+    - sizes, passed (d,): sizes of the summands of f, all of them and those that are rounding.
+    - noise (d,): |y| of components that are rounding of others, 0 for others.
     - units (d,): a typical size of each component, for difference quotients of f.
     """
 
@@ -283,6 +286,10 @@ class StepWorkspace(NamedTuple):
     base: Vector
     gain: Vector
     first: Vector
+    per_unit: Vector
+    sizes: Vector
+    passed: Vector
+    noise: Vector
     units: Vector
 
 
