@@ -62,7 +62,7 @@ class Balance:
 
     def __init__(self, equation: Equation, frequency: int, along: int, harmonics: int) -> None:
         self._system = equation.system.dense()
-        self._units = self._system.positive_units
+        self._units = self._system.units()
         self._frequency, self._along = frequency, along
         self._params, self._h, self.d = self._system.params.copy(), harmonics, equation.d
         self._right = with_params(self._system, self._params).compiled

@@ -15,6 +15,7 @@ from numpy.typing import ArrayLike
 from ..collocation.method import Collocation
 from ..collocation.reading import reduced
 from ..compiled.callbacks import pass_on
+from ..compiled.jacobian import LEAST
 from ..compiled.jit import F8, MAT, VEC, Matrix, Vector, compiled_type, entry
 from ..compiled.records import record
 from ..compiled.reference import Reference
@@ -87,6 +88,8 @@ _STATES = 33
 # Jumps below this fraction of the largest |f| are not looked for. A tenth of it takes a third more
 # time.
 _SMALLEST = 1e-3
+# Ratio of sizes of components at the start from which lengths of tangents are those over the sizes.
+_FAR_APART = 1e6
 # Halvings of a line between two states, after which a continuous f has no change left. With a tenth
 # of them steep functions count as jumps; ten times as many change nothing.
 _HALVINGS_BETWEEN_STATES = 50
@@ -213,7 +216,8 @@ def lyapunov(
         Growth in this time after t_start is not counted [time].
     directions : array_like, shape (n_data, k), optional
         Initial directions: rows for y(0), then for y'(0) of each component of order above 1. Random
-        and orthonormal by default, from `seed`; the same for every k.
+        and orthonormal by default, from `seed`; the same for every k. With `rtol`, lengths are over
+        the sizes of components at the start if these are more than 1e6 apart.
     seed : int, optional
     window : float, optional
         Share of the record, its end, that slopes and verdicts come from, 0 < window <= 1 [-].
@@ -378,13 +382,15 @@ def _run(equation: Equation, stepping: _Stepping, options: LyapunovOptions) -> L
     inside = "[0, t_end)" if start == 0 else "[0, t_end - t_start)"
     transient = round(within("transient", options.transient, 0.0, h * (n - 1), inside) / h)
     separation = _separation(options.separation, equation)
-    directions = _directions(options.directions, int(options.seed), k, most)
+    norm = _norm(system, t_end) if chooses_steps(scheme) else 1.0
+    directions = _directions(options.directions, int(options.seed), k, most, norm)
 
     opened = partial(open_stepper, scheme=scheme, history=history, how=steps, t_end=t_end)
     if mode == "pair":
         stepper = Pairs(lambda system: opened(system)[0], system, directions, separation)
     else:
         stepper, _ = opened(system, directions=directions)
+        stepper.norm = norm
     stepper.set_breaks(checked_breaks(options.breaks, start), t_end)
     plain = memory(system) == "none" and not equation.system.is_memory.any()
     flow = Divergence(system, h) if mode == "tangent" and plain and k == most else None
@@ -481,22 +487,22 @@ def _jumps(system: System, states: list[_Moment]) -> bool:
     chosen = np.unique(np.linspace(0, len(states) - 1, _STATES).astype(int))
     with suppress(Exception), np.errstate(all="ignore"):  # f may have no value between states
         found = [(t, y, system.rhs(t, y)) for t, y in (states[i] for i in chosen)]
-        least = _SMALLEST * max(np.abs(f).max() for _, _, f in found)
+        least = _SMALLEST * np.max([np.abs(f) for _, _, f in found], axis=0)
         return any(_keeps(system, *pair, least) for pair in itertools.pairwise(found))
     return False
 
 
-def _keeps(system: System, first: tuple, last: tuple, least: float) -> bool:
-    """Return whether f changes by more than `least` on ever shorter lines between two states."""
+def _keeps(system: System, first: tuple, last: tuple, least: np.ndarray) -> bool:
+    """Return if f changes by more than `least` (d,) on ever shorter lines between two states."""
     (t, a, f_a), (_, b, _) = first, last
     f_b = system.rhs(t, b)  # at the same time
-    change = _distance(f_a, f_b)
+    change = _distance(f_a, f_b, least)
     for _ in range(_HALVINGS_BETWEEN_STATES):
-        if not change > least:
+        if not change > 1.0:
             return False
         middle = (a + b) / 2
         f = system.rhs(t, middle)
-        before, after = _distance(f, f_a), _distance(f_b, f)
+        before, after = _distance(f, f_a, least), _distance(f_b, f, least)
         if before > after:
             b, f_b, change = middle, f, before
         else:
@@ -504,9 +510,9 @@ def _keeps(system: System, first: tuple, last: tuple, least: float) -> bool:
     return True
 
 
-def _distance(f: np.ndarray, other: np.ndarray) -> float:
-    """Return the largest |difference|; for few numbers faster than NumPy."""
-    return max(map(abs, (f - other).tolist()))
+def _distance(f: np.ndarray, other: np.ndarray, least: np.ndarray) -> float:
+    """Return the largest |difference| over `least` (d,); for few numbers faster than NumPy."""
+    return max(map(abs, ((f - other) / (least + LEAST)).tolist()))
 
 
 def _grow(
@@ -609,7 +615,7 @@ class Divergence:
         found, system = np.full(len(rows), self._constant), self._system
         rows = np.ascontiguousarray(rows)
         workspace = np.empty((system.d, system.d))
-        traces = _Traces(system.compiled, self._h, self._shares, system.positive_units, workspace)
+        traces = _Traces(system.compiled, self._h, self._shares, system.units(), workspace)
         _add_traces(traces, n * self._h, rows, found)
         return found
 
@@ -647,8 +653,22 @@ def _separation(value: Any, equation: Equation) -> float:
     return float(value)
 
 
-def _directions(given: Any, seed: int, k: int, rows: int) -> np.ndarray:
-    """Return orthonormal initial directions, shape (rows, k)."""
+def _norm(system: System, t_end: float) -> np.ndarray | float:
+    """Return the sizes over which tangents are orthonormal, (n_data, 1); 1 if they are near.
+
+    They are those at the start of y, then of y' for orders above 1.
+    """
+    n, above_one = system.n_solved, system.above_one
+    sizes = system.units(t_end)[:n]
+    speeds = sizes / t_end
+    if system.m == 2:
+        speeds = np.maximum(np.abs(system.y0[1, :n]), speeds)
+    found = np.concatenate([sizes, speeds[above_one]])
+    return found[:, None] if found.max() > _FAR_APART * found.min() else 1.0
+
+
+def _directions(given: Any, seed: int, k: int, rows: int, norm: np.ndarray | float) -> np.ndarray:
+    """Return initial directions, shape (rows, k), which are orthonormal over the sizes `norm`."""
     if given is None:
         given = np.random.default_rng(seed).normal(size=(rows, rows))[:, :k]
     else:
@@ -656,11 +676,12 @@ def _directions(given: Any, seed: int, k: int, rows: int) -> np.ndarray:
         if given.shape != (rows, k):
             required = f"have shape ({rows}, {k}): one column for each exponent"
             refuse("directions", required, f"shape {given.shape}")
+        given = given / norm
         given = given / (np.abs(given).max() or 1.0)  # squares of any numbers stay finite
     q, r = np.linalg.qr(given)
     if not np.abs(np.diag(r)).min() > 1e-12 * np.abs(r).max():  # zeros are refused as well
         refuse("directions", "be linearly independent columns", shown(given))
-    return q * np.sign(np.diag(r))
+    return norm * q * np.sign(np.diag(r))
 
 
 def marched(system: System, scheme: Scheme) -> System:

@@ -113,8 +113,9 @@ class RunDifferences:
         self._times, self._rows = found.t, found.y
         sizes = np.abs(found.y).max(axis=0, initial=0.0)
         sizes = np.maximum(sizes, np.abs(self._equation._initial.given[0]))
-        self._sizes = np.where(sizes > 0, sizes, sizes.max() or 1.0)
-        span = self._t_last - self._equation.t_start
+        span, system = self._t_last - self._equation.t_start, self._equation.system
+        units = system.frame.values(system.units(span))[: sizes.size]
+        self._sizes = np.where(sizes > 0, sizes, np.maximum(units.real, units.imag))
         slopes = np.zeros(1) if found.ydot is None else np.nan_to_num(np.abs(found.ydot))
         self._rates = np.maximum(slopes.max(axis=0, initial=0.0) / self._sizes, 1 / span)
         return found
@@ -172,7 +173,8 @@ class RunDifferences:
             above = self._moved_rows(moved, by)
         below = self._moved_rows(moved, -by)
         bend, twice = above - 2 * self._rows + below, above - below
-        ratio = np.nanmax(np.abs(bend), initial=0.0) / np.nanmax(np.abs(twice), initial=LEAST)
+        parts = (np.nanmax(np.abs(each) / self._sizes, initial=LEAST) for each in (bend, twice))
+        ratio = next(parts) / next(parts)
         self._bend = max(self._bend, min(float(ratio), 1.0))
         return twice / (2 * by)
 
