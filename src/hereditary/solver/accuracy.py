@@ -17,6 +17,7 @@ import numpy as np
 
 from ..collocation.method import Collocation
 from ..collocation.opening import TOLERANCE_FLOOR
+from ..compiled.reach import NOISE
 from ..stepping.scheme import Scheme
 from ..stepping.state import State
 from ..stepping.status import SolveWarning, Status
@@ -55,8 +56,6 @@ _FACTORED = 2e-9
 _FIRST_ROWS_COMPARED = 100
 # Number of rows, spread evenly over the run, that are compared: 1.3 ms for one component.
 _SPREAD_ROWS_COMPARED = 2000
-# Least size of a component, as a fraction of the largest one, as in tolerances of `solve`.
-_MIN_COMPONENT_SIZE = 1e-6
 # Largest error without a warning, as fraction of the solution's size.
 _MAX_ERROR_WITHOUT_WARNING = 0.05
 # Difference from which two runs are as different as unrelated ones, as fraction of the size.
@@ -91,8 +90,9 @@ class Accuracy:
         Rows of the run minus those of the accurate run, in units of y.
     size : ndarray, shape (d,)
         Largest abs(y) of each component of the accurate run: in these rows, or from t_start on if
-        the run has fewer rows than steps. It is at least a millionth of that of the largest
-        component. Where the accurate run is 0, it is the largest abs(y) of the run itself.
+        the run has fewer rows than steps. Where the accurate run is 0, it is the largest abs(y) of
+        the run itself. Components below 1e-13 of what others could make of them during the run are
+        rounding. They are left out, with size 0.
     rtol : float
         Tolerance of the accurate run. Relative errors below it are not known.
     n_steps : int
@@ -145,6 +145,9 @@ class Accuracy:
         largest = (
             f"largest error {self.largest[c]:.1e} of the size of component {c}, at t = {t:.4g}"
         )
+        noise = np.flatnonzero((self.size == 0) & self.error.any(axis=0)).tolist()
+        if noise:
+            left_out += f"; left out as rounding of others: {', '.join(map(str, noise))}"
         return f"{largest}\nagainst {self.n_steps} steps to rtol={self.rtol:g}{left_out}"
 
     def __repr__(self) -> str:
@@ -305,10 +308,10 @@ class Provenance:
         first = np.searchsorted(solution.t[rows], other.t[:1].min(initial=np.inf))
         rows = rows[first:][: other.t.size]
         y = solution.y[rows]
-        apart, size = y - other.y, self._sizes(solution, found)
-        if not size.any():
-            size = np.abs(y).max(axis=0, initial=0.0)
-        size = np.maximum(size, _MIN_COMPONENT_SIZE * size.max())
+        apart, (size, reach) = y - other.y, self._sizes_and_reach(solution, found)
+        own = np.abs(y).max(axis=0, initial=0.0)
+        size = np.where(size > 0, size, own)
+        size[np.maximum(size, own) <= NOISE * reach] = 0.0
         same = self._outside_jumps(other.t, found.jumps) if found.jumps.size else slice(None)
         return Accuracy(other.t[same], apart[same], size, rtol, other.stats["n_steps"])
 
@@ -321,15 +324,16 @@ class Provenance:
         before = 0 if self.resume is None else self.resume.how.n
         return solution.stats["n_steps"] - before
 
-    def _sizes(self, solution: Solution, found: Outcome) -> np.ndarray:
-        """Return the largest |y| of each component of an accurate run, (d,), as in `Accuracy`."""
-        size = np.abs(found.solution.y).max(axis=0, initial=0.0)
-        if solution.t.size > self._steps(solution):
-            return size
-        # chosen rows may all be next to a zero of y, where the accurate run has no relative error
-        whole = self.problem.system.frame.values(cast(Any, found.stepper).sizes)
+    def _sizes_and_reach(self, solution: Solution, found: Outcome) -> np.ndarray:
+        """Return the largest |y| of an accurate run, as in `Accuracy`, and its reach, (2, d)."""
+        whole = self.problem.system.frame.values(cast(Any, found.stepper).sizes_and_reach)
         whole = np.maximum(np.abs(whole.real), np.abs(whole.imag))
-        return np.maximum(size, whole if self.components is None else whole[self.components])
+        sizes, reach = whole if self.components is None else whole[:, self.components]
+        size = np.abs(found.solution.y).max(axis=0, initial=0.0)
+        # chosen rows may all be next to a zero of y, where the accurate run has no relative error
+        if solution.t.size <= self._steps(solution):
+            size = np.maximum(size, sizes)
+        return np.array([size, reach])
 
     def _outside_jumps(self, times: np.ndarray, others: np.ndarray) -> np.ndarray:
         """Return which times are not between a jump of this run and that of the accurate run."""

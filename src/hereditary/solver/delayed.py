@@ -392,7 +392,7 @@ class DelayedStepper(ResumableStepper, JumpingStepper):
     ydot = property(lambda self: self._inner.ydot)
     diagnostics = property(lambda self: self._inner.diagnostics)
     uncertainty = property(lambda self: self._inner.uncertainty)
-    sizes = property(lambda self: self._inner.sizes)
+    sizes_and_reach = property(lambda self: self._inner.sizes_and_reach)
 
     @property
     def failure(self) -> Ending | None:

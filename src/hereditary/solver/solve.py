@@ -92,13 +92,12 @@ def solve(
     rtol : float, optional
         Tolerance of `Collocation`, which chooses its own steps: errors of a component stay about
         ``rtol * (|y| + 0.01 * size)``. The size is the largest \|y| so far of that component, at
-        least a millionth of the largest size of any component. If the order exceeds 1, errors of y'
-        stay so small that they move y by as much over the run. The default is 1e-6, and the least
-        value 1e-12. A resumed run has the state's by default.
+        least a millionth of what others could make of it during the run. If the order exceeds 1,
+        errors of y' stay so small that they move y by as much over the run. The default is 1e-6,
+        and the least value 1e-12. A resumed run has the state's by default.
     atol : float or array_like, shape (d,), optional
-        Errors stay about ``atol + rtol * |y|`` instead; one number or one for each component. It
-        is needed for components below 1e-8 of the largest one. A resumed run has the state's by
-        default.
+        Errors stay about ``atol + rtol * |y|`` instead; one number or one for each component. A
+        resumed run has the state's by default.
     mesh : Graded or array_like, shape (n+1,), optional
         ``graded(n, exponent)``, or times that increase from t_start to t_end. `L1` and `L2Sigma`
         take meshes with any order, `L2` with orders up to 1; histories are `Direct` and
