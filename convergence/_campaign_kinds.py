@@ -30,6 +30,22 @@ def problem(seed, k):
             return drawn
 
 
+def in_units(drawn, seed, k):
+    """The same problem with each component times a factor of its own, from 1e-14 to 1e14."""
+    truth, rng = drawn.truth, np.random.default_rng([seed, k, 1])
+    unit = 10 ** rng.uniform(-14, 14, truth.d)
+    moved = [replace(truth, **_times(truth, unit)) for truth in (truth, *drawn.perturbed)]
+    relay = tuple(float(unit[0] * part) for part in drawn.relay)
+    return replace(drawn, truth=moved[0], perturbed=tuple(moved[1:]), relay=relay)
+
+
+def _times(truth, unit):
+    """Fields of a truth whose components are multiplied by units, (d,)."""
+    forces = [replace(f, amplitudes=tuple((unit * f.amplitudes).tolist())) for f in truth.forces]
+    matrix = truth.matrix * np.divide.outer(unit, unit)
+    return {"matrix": matrix, "start": truth.start * unit, "forces": forces}
+
+
 def order(rng, low=0.01, high=2.0):
     """An order, often next to an integer or on it, or tiny."""
     while True:

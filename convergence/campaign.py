@@ -18,6 +18,9 @@ perturbed initial values and forces. Each problem has one of these verdicts:
   status: the reason is wrong;
 * refused in a sentence; crash; no end within `limit` seconds of processor time; truth unsure.
 
+Each problem is solved twice, the second time with each component in a unit of its own, from 1e-14
+to 1e14. A fault there is the problem's verdict.
+
 Problem k of a seed is always the same one. Results go to a file line by line; a run that was
 stopped takes up where it was. ``--only k`` shows one problem, as lines to paste.
 """
@@ -33,7 +36,7 @@ from multiprocessing.connection import wait
 from pathlib import Path
 
 import numpy as np
-from _campaign_kinds import SCHEMES, problem
+from _campaign_kinds import SCHEMES, in_units, problem
 from _campaign_verdicts import (
     CRASH,
     FALSE,
@@ -94,12 +97,22 @@ def work(pipe, seed, limit):
         began = time.perf_counter()
         signal.setitimer(signal.ITIMER_PROF, limit)
         try:
-            row = judged(problem(seed, k), confirm=k % _CONFIRMED == 0)
+            row = judged_twice(seed, k)
         except Exception as error:  # of the judge: the library's are its verdicts
             row = {"verdict": UNSURE, "message": repr(error), "status": ""}
             row |= {"ratio": 0.0, "slope_ratio": 0.0}
         signal.setitimer(signal.ITIMER_PROF, 0.0)
         pipe.send(row | {"all_seconds": round(time.perf_counter() - began, 2)})
+
+
+def judged_twice(seed, k):
+    """A row on a problem, with the verdict and the steps in drawn units of its components."""
+    row = judged(problem(seed, k), confirm=k % _CONFIRMED == 0)
+    other = judged(in_units(problem(seed, k), seed, k))
+    row |= {f"{name}_in_units": other[name] for name in ("verdict", "steps", "ratio", "message")}
+    if row["verdict"] not in FAULTS and other["verdict"] in FAULTS:
+        row["verdict"] = other["verdict"]
+    return row
 
 
 class Worker:
@@ -245,11 +258,17 @@ def measure(quick, problems, seed, out, processes, limit, only):
     rows = list(rows_of(path, seed, n).values())
     report_worst(rows, seed)
     print()
-    yield from table(rows)
+    pairs = [(row.get("steps", 0), row.get("steps_in_units", 0)) for row in rows]
+    apart = [abs(one - other) > max(1, 0.03 * one) for one, other in pairs]
+    verdicts = sum(row["verdict"] != row.get("verdict_in_units", "") for row in rows)
+    for line in table(rows):
+        yield line | {"steps apart in units": sum(apart), "verdicts apart in units": verdicts}
 
 
 def claims(rows):
     (row,) = chosen(rows, kind="all")
+    yield Claim("other steps in drawn units, of all problems", row["steps apart in units"])
+    yield Claim("other verdicts in drawn units, of all problems", row["verdicts apart in units"])
     yield Claim("problems", row["problems"])
     yield Claim("problems that show a fault", sum(row[v] for v in (*FAULTS, UNSURE)), 0)
     yield Claim("runs that end early for a true reason", row[TRUE])
