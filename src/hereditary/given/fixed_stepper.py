@@ -213,11 +213,12 @@ class FixedStepper(ResumableStepper, TangentStepper, JumpingStepper):
             last_f=np.zeros(width),
             lacks=np.zeros(width),
             newton=self._newton.workspace,
+            row_factors=np.ones((2, self._marched.d)),
         )
         self.n, self.t = 0, 0.0
         self._march.monitor["turns"][: orders.size] = np.where(orders == 2, -1.0, 0.0)
         units = self._marched.units(_STEPS_OF_UNITS * self.steps.unit(1))
-        workspace = np.empty((len(StepWorkspace._fields) - 4, width))
+        workspace = np.zeros((len(StepWorkspace._fields) - 4, width))
         self._workspace = StepWorkspace._make([*workspace, *np.zeros((3, units.size)), units])
         self._right = self._marched.compiled
 
@@ -489,8 +490,9 @@ class FixedStepper(ResumableStepper, TangentStepper, JumpingStepper):
     def linear_arrays(self) -> list[Any]:
         """Return the arrays of march and memory that are linear in the solution, not copies."""
         march = self._march
-        others = {id(part) for part in (march.counts, march.monitor, march.newton)}
-        return [*(part for part in march if id(part) not in others), *self.memory.arrays]
+        others = march.counts, march.monitor, march.newton, march.row_factors
+        left_out = {id(part) for part in others}
+        return [*(part for part in march if id(part) not in left_out), *self.memory.arrays]
 
     @property
     def uncertainty(self) -> np.ndarray:

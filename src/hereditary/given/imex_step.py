@@ -43,7 +43,7 @@ def solve_linearly(m, t, i):
     counts.extrapolates = 1
     multiply(work[0], point, moved)
     for c in range(x.shape[0]):
-        moved[c] = lead[c] * (f[c] + moved[c]) - known[c]
+        moved[c] = m.state.row_factors[0, c] * (lead[c] * (f[c] + moved[c]) - known[c])
     m.solver(SUBSTITUTE, 0, work[1], moved, m.linear)
     for c in range(x.shape[0]):
         w[c] = moved[c]

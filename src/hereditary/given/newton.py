@@ -3,12 +3,13 @@
 The linear solver is a function that the march gets from Python.
 """
 
+import math
+
 import numpy as np
 
 from ..compiled.functions import set_force
 from ..compiled.jacobian import (
     COLUMNS,
-    LEAST,
     ROWS,
     VALUES,
     add_derivative_by,
@@ -24,6 +25,8 @@ from .step import set_argument
 
 # Newton iterations after which a step counts as not solved.
 _STEP_NEWTON_MAXITER = 38
+# Largest binary exponent of a factor of rows.
+_MAX_EXPONENT = 900
 # Most halvings of a Newton correction, or of the first guess of w, that leaves the domain of f.
 _MAX_HALVINGS_OF_CORRECTION = 8
 # Ratio of successive Newton corrections above which the Jacobian is computed again.
@@ -50,7 +53,7 @@ _INCREMENT_RTOL = 1e-13
 # Allowed error of the increment by rounding of the solution, relative to the solution.
 _ROUNDING_RTOL = 2e-16
 # Allowed absolute error of the increment, which covers underflow.
-_UNDERFLOW_ATOL = 1e-300
+_UNDERFLOW_ATOL = 1e-280
 # Size up to which a component may be rounding of others that has added up, in errors by rounding of
 # one step.
 _OF_NOISE = 1e3
@@ -76,6 +79,7 @@ def solve_step(march, t):
     # matrix of the tangents' equations
     m = march.work
     right, workspace, counts, work = m.right, m.workspace, m.state.counts, m.state.newton
+    row_factors = m.state.row_factors
     n, d, few = m.table.n_orbit, m.table.n_solved, m.linear.few == 1
     base, scale, lead, known = workspace.base, workspace.scale, workspace.lead, workspace.known
     w, first, shift, change = workspace.w, workspace.first, workspace.shift, workspace.moved[:n]
@@ -86,8 +90,11 @@ def solve_step(march, t):
     for c in range(d):
         first[c] = change[c] = w[c]
         size = abs(w[c]) + abs(shift[c]) + abs(base[c])
-        per_unit[c] = 1.0 if d == 1 else 1.0 / (size if size > LEAST else workspace.units[c])
+        size = size if size > _UNDERFLOW_ATOL else workspace.units[c]
+        per_unit[c] = 1.0 if d == 1 else 1.0 / size
         workspace.noise[c] = 0.0
+    if few:
+        set_row_factors(m, 0)
     if counts.renewed > 0:
         counts.renewed, counts.kept = counts.renewed - 1, 0
     for iteration in range(_STEP_NEWTON_MAXITER):
@@ -107,10 +114,12 @@ def solve_step(march, t):
             done = within_rounding(m, change)
         for c in range(d if previous == np.inf and not few else 0):
             residual = max(residual, abs(change[c]) * (per_unit[c] / abs(scale[c])))
+        for c in range(d):
+            change[c] *= row_factors[0, c]
         if not few:
             m.solver(SUBSTITUTE, 0, work[1], change, m.linear)
         else:
-            set_matrix(m, work[1])
+            set_matrix(m, row_factors[0], work[1])
             if not solve_in_place(work[1], change):
                 change[0] = np.inf
             counts.factorised += 1
@@ -273,11 +282,29 @@ def step_back(m, t):
 
 
 @inner
-def set_matrix(m, out):
+def set_row_factors(m, number):
+    """Set the factors of the rows of Newton's matrix (number 0) or the tangents' (1).
+
+    With them the rows are in units of their components. Else elimination by the largest entry of a
+    column would mix rounding of large components into small ones. The factors are powers of 2.
+    """
+    workspace, factors, largest = m.workspace, m.state.row_factors[number], 0.0
+    w, shift, base, units = workspace.w, workspace.shift, workspace.base, workspace.units
+    for c in range(m.table.n_solved):
+        size = abs(w[c]) + abs(shift[c]) + abs(base[c])
+        factors[c] = size if 0.0 < size < np.inf else units[c]
+        largest = max(largest, factors[c])
+    for c in range(m.table.n_solved):
+        exponent = math.frexp(largest)[1] - math.frexp(factors[c])[1]
+        factors[c] = math.ldexp(1.0, min(exponent, _MAX_EXPONENT))
+
+
+@inner
+def set_matrix(m, row_factors, out):
     """Set Newton's matrix, the derivative of ``scale w - lead f(t, base + gain w)`` by w.
 
-    The Jacobian of f is state.newton[0], dense or sparse; `out` has the same format. Components
-    without an equation get rows of the unit matrix.
+    Its rows are multiplied by factors (n,). The Jacobian of f is state.newton[0], dense or sparse;
+    `out` has the same format. Components without an equation get rows of the unit matrix.
     """
     workspace, j_f, sources = m.workspace, m.state.newton[0], m.table.sources
     n, d = m.table.n_orbit, m.table.n_solved
@@ -285,7 +312,8 @@ def set_matrix(m, out):
     if is_sparse(j_f, n):
         for k in range(j_f.shape[1]):
             i, j = int(j_f[ROWS, k]), int(j_f[COLUMNS, k])
-            out[VALUES, k] = (scale[i] if i == j else 0.0) - gain[j] * lead[i] * j_f[VALUES, k]
+            value = (scale[i] if i == j else 0.0) - gain[j] * lead[i] * j_f[VALUES, k]
+            out[VALUES, k] = value * row_factors[i]
         return
     for i in range(n):
         for k in range(n):
@@ -293,13 +321,16 @@ def set_matrix(m, out):
         for k in range(n if i < d else 0):
             out[i, sources[k]] -= gain[k] * lead[i] * j_f[i, k]
         out[i, i] += scale[i] if i < d else 1.0
+        for k in range(n if i < d else 0):
+            out[i, k] *= row_factors[i]
 
 
 @inner
 def set_factors(m, number):
     """Factorise Newton's matrix (number 0) or the tangents' (1); return False if it is singular."""
     matrix = m.state.newton[1 + number]
-    set_matrix(m, matrix)
+    set_row_factors(m, number)
+    set_matrix(m, m.state.row_factors[number], matrix)
     m.state.counts.factorised += 1
     return m.solver(FACTORISE, number, matrix, m.workspace.moved[: m.table.n_orbit], m.linear) == 0
 
@@ -349,6 +380,7 @@ def solve_tangents(m, t):
             m.state.counts.rhs += calls
         for i in range(n):
             change[i] = lead[i] * change[i] - known[first + i] if i < d else 0.0
+            change[i] *= m.state.row_factors[1, i]
         m.solver(SUBSTITUTE, 1, work[2], change, m.linear)
         for i in range(d):
             w[first + i] = change[i]

@@ -211,7 +211,7 @@ class StepRows(NamedTuple):
 
 
 class March(NamedTuple):
-    """State of a march; all but counts, monitor and newton is linear in the solution.
+    """State of a march; all but counts, monitor, newton and factors is linear in the solution.
 
     The W columns are the components of the orbit, then those of each tangent.
 
@@ -227,6 +227,7 @@ class March(NamedTuple):
     - lacks (W,): lead times the change of f by the last corrector sweep.
     - newton (2, ., .): the Jacobian, and Newton's matrix, whose factors may be kept
       (given/newton.py). (3, ., .) with the matrix of the tangents' equations.
+    - row_factors (2, d): factors of the rows of the two matrices, for d components of the orbit.
     """
 
     counts: Counts
@@ -243,6 +244,7 @@ class March(NamedTuple):
     last_f: Vector
     lacks: Vector
     newton: Cube
+    row_factors: Matrix
 
 
 class MarchOutput(NamedTuple):
