@@ -27,6 +27,12 @@ _LATER = (0.0, 1e-3, 1e-2, 0.1, 1.0)
 _FIRST_STEP = 1e-3
 # Largest number of evaluations in search of components that others move.
 _MOST_SEARCHES = 100
+# Decades between which the size of an unknown of an algebraic row is sought.
+_DECADES = -300.0, 300.0
+# Relative change of the other components that shows what they make of such a row.
+_CHANGE_OF_OTHERS = 0.01
+# Number of halvings of the interval of decades.
+_HALVINGS = 12
 # Ratio of one trial step to the next one.
 _TRIAL_STEP_RATIO = 1024.0
 # Largest number of trial steps of a component.
@@ -190,7 +196,8 @@ def units_of(
     thousandth of the run to t_end, with others at their units. In systems of up to `FEW`
     components it is a step near that, which changes f clearly and proportionally. It is 0 if f
     moves the component at none of five times. The `rates` (d,) are f over the y that it makes in
-    the run, if it is constant.
+    the run, if it is constant. They are 0 for algebraic rows, of which the change of the component
+    counts that changes the row by its size.
     """
     units, y = np.abs(y0), y0.copy()
     if not units.all():
@@ -199,7 +206,10 @@ def units_of(
         for _ in range(_MOST_SEARCHES):
             unknown = units == 0
             with np.errstate(all="ignore"):  # the rate of an algebraic row is 0
-                made = _FIRST_STEP * _moved(right, y, t=t) / rates
+                force = _moved(right, y, t=t)
+                made = np.where(rates == 0, 0.0, _FIRST_STEP * force / rates)
+                for c in np.flatnonzero(unknown & (rates == 0)).tolist():
+                    made[c] = _balancing_step(right, y, t, c)
             seen = unknown & (np.abs(made) > LEAST) & (np.abs(made) < np.inf)
             units[seen], y[seen] = np.abs(made[seen]), made[seen]
             if seen.all() or not unknown.any():
@@ -212,6 +222,21 @@ def units_of(
         with np.errstate(all="ignore"):  # steps may grow beyond all numbers
             units[c] = _visible_step(right, y0, c, units[c])
     return np.where((units > LEAST) & (units < np.inf), units, 0.0)
+
+
+def _balancing_step(right: RightSide, y: np.ndarray, t: float, c: int) -> float:
+    """Return a size of component c that changes its row of f by about what the others make of it.
+
+    It is a power of 10, found by bisection. Returns 0 if no size does.
+    """
+    force, (low, high) = _moved(right, y, t=t)[c], _DECADES
+    beside = _moved(right, y * (1.0 + _CHANGE_OF_OTHERS / np.sqrt(2.0 + np.arange(y.size))), t=t)[c]
+    made = np.abs(force) + np.abs(beside - force) / _CHANGE_OF_OTHERS
+    for _ in range(_HALVINGS if made > 0 else 0):
+        middle = 0.5 * (low + high)
+        change = np.abs(_moved(right, y, c, 10.0**middle, t)[c] - force)
+        low, high = (middle, high) if change < made else (low, middle)
+    return 0.0 if high == _DECADES[1] else 10.0**high
 
 
 def _visible_step(right: RightSide, y0: np.ndarray, c: int, step: float) -> float:
