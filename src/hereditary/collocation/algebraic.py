@@ -13,15 +13,15 @@ from ..compiled.jacobian import LEAST
 from ..equation.system import System
 from ..stepping.status import SolveWarning
 from ..support.checks import refuse
+from ..support.scaling import condition, inverse
 from ..support.warning import warn
 
 # Largest number of Newton iterations for consistent values.
 _CONSISTENCY_MAXITER = 50
 # Relative change of the unknowns at which Newton's method for consistent values ends.
 _CONSISTENCY_RTOL = 1e-13
-# Least singular value of a regular Jacobian whose rows are divided by their largest entries.
-# Difference quotients err by 1e-10.
-_RANK_TOL = 1e-9
+# Largest condition number of a regular Jacobian. Difference quotients err by 1e-10.
+_MAX_CONDITION_OF_ROWS = 1e9
 # Ratio of the least singular value of the rows' Jacobian to that at the start, below which the rows
 # become singular. Runs end at 1e-6 where two solutions of the rows meet.
 _MIN_SINGULAR_VALUE_RATIO = 1e-4
@@ -76,7 +76,7 @@ def _solve(
             matrix = _jacobian(system, t, x, rows)[:, columns]
         if not (np.isfinite(f_rows).all() and np.isfinite(matrix).all()) or not _regular(matrix):
             return None
-        change = np.linalg.solve(matrix, f_rows)
+        change = inverse(matrix) @ f_rows
         x[columns] -= change
         if np.all(np.abs(change) <= _CONSISTENCY_RTOL * np.abs(x[columns])):
             return x
@@ -84,11 +84,8 @@ def _solve(
 
 
 def _regular(matrix: np.ndarray) -> bool:
-    """Return whether a matrix is regular; the units of its rows do not matter."""
-    sizes = np.abs(matrix).max(axis=1, keepdims=True)
-    return bool(np.all(sizes > 0)) and np.linalg.matrix_rank(matrix / sizes, _RANK_TOL) == len(
-        matrix
-    )
+    """Return whether a matrix is regular; units do not matter."""
+    return condition(matrix) <= _MAX_CONDITION_OF_ROWS
 
 
 def check_start(
@@ -223,7 +220,7 @@ def settle_tangents(system: System, values: np.ndarray) -> None:
     tangents[:, bare] = 0.0
     forces = tangents @ rows.T
     forces[: system.by_params] += system.derivatives_by_parameters(t, y)[:, bare]
-    tangents[:, bare] = -np.linalg.solve(rows[:, bare], forces.T).T
+    tangents[:, bare] = -forces @ inverse(rows[:, bare]).T
 
 
 def derivatives_at_start(system: System) -> dict[int, float]:

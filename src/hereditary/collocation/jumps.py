@@ -9,6 +9,7 @@ k tangents.
 import numpy as np
 
 from ..equation.system import System
+from ..support.scaling import condition, inverse
 from .equations import Form
 from .operators import ITSELF, PRIMARY, SLOPE
 from .orbit import OrbitAndTangents
@@ -19,6 +20,8 @@ _LAG_NEXT_TO_0 = 1e-300
 _JUMP_NEWTON_MAXITER = 100
 # Relative change of p at which Newton's method for a jump ends.
 _JUMP_NEWTON_RTOL = 1e-14
+# Largest condition number of a linear system for a change.
+_MAX_CONDITION_AT_JUMPS = 1e14
 
 
 def jump(system: System, form: Form, orbit: OrbitAndTangents, t: float, counts: np.void) -> bool:
@@ -38,9 +41,9 @@ def jump(system: System, form: Form, orbit: OrbitAndTangents, t: float, counts: 
         forces, jacobian = _forces(system, system.beside(t, 1), x, counts)
         left = np.where(free, forces - before - stiffness * (p - orbit.p), 0.0)
         matrix = np.diag(stiffness) - np.where(is_y, jacobian, 0.0) * np.outer(free, free)
-        if not np.all(np.isfinite(left)) or np.linalg.matrix_rank(matrix) < free.size:
+        if not np.all(np.isfinite(left)) or condition(matrix) > _MAX_CONDITION_AT_JUMPS:
             return False
-        change = np.linalg.solve(matrix, left.T).T
+        change = left @ inverse(matrix).T
         p += change
         x += np.where(is_y, change, 0.0)
         if np.all(np.abs(change) <= _JUMP_NEWTON_RTOL * (np.abs(p) + np.abs(orbit.p))):

@@ -23,6 +23,7 @@ import numpy as np
 
 from ..compiled.functions import Functions, mapped
 from ..support.checks import refuse, shown
+from ..support.scaling import condition, inverse
 from .orders import merged_orders
 from .system import System, leading_orders
 from .terms import ConstantOrder, KernelOperator, Operator, SystemTerm
@@ -74,18 +75,18 @@ def _solved(left: Sequence[SystemTerm], d: int) -> tuple[list[Entry], np.ndarray
     at_top = [
         (matrix, operator.constant & (operator.order == highest)) for operator, matrix in left
     ]
-    leading = sum(np.where(top, matrix, 0.0) for matrix, top in at_top)
-    if np.linalg.cond(leading) > _MAX_CONDITION_NUMBER:
+    leading = np.sum([np.where(top, matrix, 0.0) for matrix, top in at_top], axis=0)
+    if condition(leading) > _MAX_CONDITION_NUMBER:
         required = "have an invertible matrix in front of the highest derivatives"
         refuse("terms", required, shown(leading))
-    inverse = np.linalg.inv(leading)
+    of_f = inverse(leading)
     entries = [Entry(ConstantOrder(float(highest[j])), j, j, 1.0) for j in range(d)]
     for (operator, matrix), (_, top) in zip(left, at_top, strict=True):
-        below = inverse @ np.where(top, 0.0, matrix)
+        below = of_f @ np.where(top, 0.0, matrix)
         entries += [
             Entry(operator, j, k, float(below[j, k])) for j, k in np.argwhere(below).tolist()
         ]
-    return entries, inverse
+    return entries, of_f
 
 
 def _highest_of_caputo(left: Iterable[SystemTerm], d: int) -> np.ndarray:
@@ -179,7 +180,7 @@ def _with_algebraic_rows(
         required = "be one Caputo operator of order up to 1, where rows of its matrix are 0"
         remedy = "give each element a component of its own, with coefficients of shape (d,)"
         refuse("terms", required, " and ".join(f"{operator}" for operator, _ in left), remedy)
-    if np.linalg.matrix_rank(matrix, 1 / _MAX_CONDITION_NUMBER * np.abs(matrix).max()) < len(rows):
+    if condition(matrix) > _MAX_CONDITION_NUMBER:
         required = "have independent rows besides those of zeros in front of the derivatives"
         refuse("terms", required, shown(left[0].coefficients), "combine dependent rows to zeros")
     size = d + len(rows)
