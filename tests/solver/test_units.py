@@ -1,8 +1,8 @@
 """Sizes of components, to which a tolerance is relative without `atol=`.
 
-The size of a component is its largest |y| so far, at least a millionth of what other components
-could make of it during the run. So the unit of each component changes nothing, nor do components
-that stay at 0.
+The size of a component is its largest |y| so far. While it grows from little it is at least a
+millionth of what other components could make of it during the run. So the unit of each component
+changes nothing, nor do components that stay at 0.
 """
 
 from typing import NamedTuple
@@ -105,6 +105,33 @@ def constrained(t, z, s):
     return np.array([y[2] - y[0], y[0] - 9 * y[1], y[0] + y[1] - y[2] - y[2] ** 3]) * s
 
 
+def ladder(t, z, s):
+    """Voltages of three capacitors, and currents through nonlinear resistors before them."""
+    volts, amperes = z[:3] / s[:3], z[3:] / s[3:]
+    out = np.empty(6)
+    for c in range(3):
+        before = np.sin(3 * t) if c == 0 else volts[c - 1]
+        out[c] = amperes[c] - (amperes[c + 1] if c < 2 else 0.0)
+        out[3 + c] = before - volts[c] - amperes[c] - 0.1 * amperes[c] ** 3
+    return out * s
+
+
+def absorption(t, z, s):
+    """A drug in the gut, in blood and in tissue; the first decays to nothing."""
+    y = z / s
+    taken = 0.8 * y[1] / (1 + y[1])
+    return np.array([-1.2 * y[0], 1.2 * y[0] - taken + 0.1 * y[2], taken - 0.15 * y[2]]) * s
+
+
+def with_flux(t, z, s):
+    """A fast equilibrium whose net flux drives a relaxation oscillator."""
+    y = z / s
+    flux = 1e7 * (y[0] - y[1])
+    supply = 0.2 + 0.1 * np.sin(0.3 * t)
+    speed = 3 * (1 - y[3] ** 2) * y[4] - y[3] + 0.5 * y[2]
+    return np.array([supply - flux, flux - 0.2 * y[1], flux - 0.2 * y[2], y[4], speed]) * s
+
+
 def rotating(t, z, s):
     y = z / s
     return ((2j - 0.1) * y + 0.05 * abs(y[0]) * y[::-1]) * s
@@ -157,6 +184,9 @@ PROBLEMS = {
     "algebraic": Problem(
         np.array([1.0, 1.0, 0.0]) * hd.Caputo(0.8), constrained, [1, 0, 0.6823278038280193], 5.0
     ),
+    "ladder": Problem(np.repeat([1.0, 0.0], 3) * hd.Caputo(0.9), ladder, 6 * [0.0], 5.0),
+    "absorption": Problem(hd.Caputo(1.0), absorption, [5.0, 0.0, 0.0], 200.0),
+    "flux": Problem(hd.Caputo(1.0), with_flux, [1.0, 1.0, 0.2, 1.5, 0.0], 10.0),
     "complex": Problem(hd.Caputo(0.9), rotating, [1.0 + 0j, 0.5j], 5.0),
     "band": Problem(hd.Caputo(0.8), diffusing, STARTS["middle"], 1.0, {"bandwidth": (1, 1)}),
     "dense": Problem(hd.Caputo(1.0), diffusing, STARTS["middle"], 1.0),
@@ -207,7 +237,10 @@ def test_the_unit_of_each_component_changes_nothing(plain, name, decades, power,
         assert abs(sol.stats["n_steps"] - steps) <= 1 + 0.1 * steps
 
 
-@pytest.mark.parametrize("name", ["van der Pol", "laser", "epidemic", "memory", "band", "turning"])
+ON_STEPS = ["van der Pol", "laser", "epidemic", "memory", "band", "turning", "absorption"]
+
+
+@pytest.mark.parametrize("name", ON_STEPS)
 @given(
     decades=st.lists(st.floats(-14, 14), min_size=12, max_size=12),
     scheme=st.sampled_from([hd.BDF(2), hd.L1(), hd.ExplicitCaputo()]),
@@ -224,16 +257,23 @@ def test_nor_does_it_on_given_steps(name, decades, scheme):
     assert np.all(np.abs(sol.y / scale - one.y).max(axis=0) <= 1e-9 * np.abs(one.y).max(axis=0))
 
 
-@given(power=st.floats(-14, 14), name=st.sampled_from(["kinetics", "laser", "powers from rest"]))
+@given(
+    power=st.floats(-14, 14),
+    name=st.sampled_from(["kinetics", "laser", "powers from rest", "oscillator"]),
+)
 def test_the_unit_of_time_changes_nothing(plain, power, name):
     problem, one, unit = PROBLEMS[name], plain[name, 1e-6], 10.0**power
-    order = problem.terms.order
+    d = size_of(problem)
 
     def rhs(t, z, p):
-        return problem_rhs(t / p[3], z, p[:3])
+        return problem_rhs(t / p[d], z, p[:d])
 
-    problem_rhs = problem.rhs
-    equation = hd.Equation(unit**order * problem.terms, rhs, problem.y0, params=[1, 1, 1, unit])
+    problem_rhs, terms = problem.rhs, problem.terms
+    if name == "oscillator":
+        terms = unit**1.8 * hd.Caputo(1.8) + 0.2 * unit**0.8 * hd.Caputo(0.8)
+    else:
+        terms = unit**terms.order * terms
+    equation = hd.Equation(terms, rhs, problem.y0, params=[*np.ones(d), unit])
     sol = hd.solve(equation, unit * problem.t_end, rtol=1e-6)
     steps, t = one.stats["n_steps"], np.linspace(0, problem.t_end, 101)
     assert abs(sol.stats["n_steps"] - steps) <= 1 + 0.1 * steps
@@ -249,7 +289,8 @@ def test_sensitivities_and_exponents_have_no_units(decades):
         tangents = hd.sensitivities(lorenz, 2.0, rtol=1e-6)
         found.append(tangents.by_y0[-1] * s / s[:, None])
     np.testing.assert_allclose(found[1], found[0], rtol=1e-4, atol=1e-4 * np.abs(found[0]).max())
-    assume(np.ptp(decades) > 7)
+    sizes = decades + np.log10([1.0, 1.0, 20.0])
+    assume(np.ptp(sizes) > 6.01)  # below, lengths are those in the units of y
     rates = hd.lyapunov(lorenz, 4.0, k=3, rtol=1e-6, verify=False).exponents
     apart = [scaled_exponents(10.0 ** np.array(other)) for other in ((-9, 0, 9), (3, -9, 0))]
     np.testing.assert_allclose([rates, *apart], [apart[0]] * 3, rtol=0.05, atol=0.05)
@@ -263,6 +304,43 @@ def scaled_exponents(s):
 def chaotic(t, z, s):
     x, y, v = z[0] / s[0], z[1] / s[1], z[2] / s[2]
     return np.array([10 * (y - x), x * (28 - v) - y, x * y - 8 / 3 * v]) * s
+
+
+@given(
+    decades=st.lists(st.floats(-14, 14), min_size=3, max_size=3),
+    rows=st.sampled_from(
+        [((2, 0.5, 0), (0.3, 1, 0.1), (0, 0.2, 3)), ((1, 0, 0), (1, 1, 0), 3 * (0,))]
+    ),
+)
+def test_nor_does_it_with_a_matrix_before_the_derivatives(decades, rows):
+    """With a matrix of full rank, and with a row of zeros."""
+
+    def rhs(t, z, s):
+        y = z / s
+        return np.array([-y[0] + y[2], -y[1] - y[2], np.sin(3 * t) - y[2] - y[0]]) * s
+
+    found = []
+    for s in (np.ones(3), 10.0 ** np.array(decades)):
+        equation = hd.Equation(
+            np.array(rows) * s[:, None] / s * hd.Caputo(0.9), rhs, s * [1.0, 0.0, -1.0], params=s
+        )
+        found.append(hd.solve(equation, 8.0, rtol=1e-6))
+    one, sol = found
+    t = np.linspace(0, 8, 101)
+    apart = np.abs(sol(t) / s - one(t)).max(axis=0)
+    assert np.all(apart < 1e-6 * np.abs(one(t)).max(axis=0))
+    assert abs(sol.stats["n_steps"] - one.stats["n_steps"]) <= 1 + 0.1 * one.stats["n_steps"]
+
+
+@pytest.mark.parametrize("rtol", TOLERANCES)
+def test_what_could_be_made_of_a_component_does_not_hide_its_error(rtol):
+    """The gain of the flux is 1e7, but it leaves the oscillator as small as it is."""
+    problem, d = PROBLEMS["flux"], 5
+    equation = scaled(problem, np.ones(d))
+    exact = hd.solve(equation, problem.t_end, rtol=1e-10, atol=1e-13)
+    sol, t = hd.solve(equation, problem.t_end, rtol=rtol), np.linspace(0, problem.t_end, 401)
+    apart = np.abs(sol(t) - exact(t)).max(axis=0)
+    assert np.all(apart < rtol * np.abs(exact(t)).max(axis=0))
 
 
 @pytest.mark.estimates

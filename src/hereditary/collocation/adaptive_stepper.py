@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from ..compiled.jacobian import LEAST, VALUES
-from ..compiled.reach import NOISE, SMALL
+from ..compiled.reach import NOISE, SMALL, YOUNG
 from ..compiled.records import plain
 from ..equation.system import System, refuse_late
 from ..functions.differences import wrong_jacobian
@@ -95,6 +95,9 @@ _LARGEST_RATIO = 1e305
 _MAX_STEPS_PER_MARCH = 256
 # Closest distance of fits that are made before the run begins, as a fraction of the run.
 _MIN_FIRST_FIT_DISTANCE = 1e-6
+# Unit of rounding of a component that no rejected step has shown to be rounding, as a part of the
+# unit of one that is.
+_UNTOLD = 0.05
 # Most steps of one call of the compiled march if an event may cut it short.
 _MAX_STEPS_BEFORE_EVENTS = 8
 
@@ -237,7 +240,7 @@ class AdaptiveStepper(ResumableStepper, TangentStepper, JumpingStepper):
             self._moved += np.abs(np.diff(at_starts[:, 0], axis=0)).sum(axis=0)
         if status not in (REACHED, FULL, TOO_CLOSE):
             lengths, last = (self._control["last"], self._control["next"]), self._orbit.last[0]
-            is_noise = self._state.sizes <= NOISE * self._state.reach
+            is_noise = self._state.sizes <= NOISE * self._noise
             self._ending = ending(
                 status, self._marched, self.t, *lengths, last, self._peak, is_noise
             )
@@ -252,7 +255,15 @@ class AdaptiveStepper(ResumableStepper, TangentStepper, JumpingStepper):
     @property
     def _sizes(self) -> np.ndarray:
         """Sizes of the components, (d,): the largest |y| so far, or a part of their reach."""
-        return np.maximum(self._state.sizes, SMALL * self._state.reach)
+        state = self._state
+        return np.maximum(state.sizes, SMALL * np.minimum(state.reach, state.growth))
+
+    @property
+    def _noise(self) -> np.ndarray:
+        """Units of rounding of components, (d,), for comparison with sizes."""
+        state = self._state
+        found = np.where(state.noisy == 1, 1.0, _UNTOLD) * state.scales
+        return np.where(np.isinf(state.growth), YOUNG / NOISE * state.reach, found)
 
     def _still_sizes(self) -> np.ndarray:
         """Return the sizes of y, and of the unknown p, that tolerances refer to, (2, d)."""
@@ -345,13 +356,11 @@ class AdaptiveStepper(ResumableStepper, TangentStepper, JumpingStepper):
         orbit, form, t, left = self._orbit, self._form, self.t, t_stop - self.t
         self._set_origin(t)
         of_run, jacobian, units = self._at_start(t_stop)
-        reach = self._state.reach
         longest, idle = self.step_limits.longest
         least = self._farthest / _LARGEST_RATIO
         self._ending, at_rest = TOO_STEEP, _FIRST_AT_REST * idle
-        for trial in trials(
-            self._marched, form, orbit, t, left, longest, least, jacobian, units, reach
-        ):
+        of_first = jacobian, units, self._state.reach.copy()
+        for trial in trials(self._marched, form, orbit, t, left, longest, least, *of_first):
             h, variable, sizes = trial.length, trial.variable, self._state.sizes.copy()
             # the last two steps are equal, so that no tiny step remains before the stop
             h = min(h, 0.5 * left) if h < left else h
@@ -417,7 +426,7 @@ class AdaptiveStepper(ResumableStepper, TangentStepper, JumpingStepper):
         values = np.zeros((orbit.x.shape[0], 3, d, n))
         before = np.zeros(history.shape)
         arrays = OrbitArrays(orbit.initial, orbit.x, orbit.p, history, before, values)
-        self._begin_steps(h, h)
+        self._begin_steps(h, h, begins=True)
         steps = empty_steps(1, self._kept * d, n)
         marched, solver = self._marched, None
         if at_edge or has_stages(form):
@@ -457,14 +466,17 @@ class AdaptiveStepper(ResumableStepper, TangentStepper, JumpingStepper):
         settled = jump(self._marched, self._form, self._orbit, self.t, self._state.counts)
         self._ending = None if settled else UNSOLVED
         self._state.largest[:] = np.where(self._form.above_one == 1, self._state.largest, 0.0)
-        self._begin_steps(floor_to_grid(h), self._shortest)
+        self._begin_steps(floor_to_grid(h), self._shortest, begins=True)
         self._at_singular_start = False
 
-    def _begin_steps(self, h: float, shortest: float) -> None:
-        """Set the length h of the next step; steps below the length `shortest` need more modes."""
+    def _begin_steps(self, h: float, shortest: float, begins: bool = False) -> None:
+        """Set the length h of the next step, and whether components begin in it.
+
+        Steps below the length `shortest` need more modes.
+        """
         control = self._control
         control["next"], control["last"], control["rejected"] = h, 0.0, 0.0
-        control["shortest"] = shortest
+        control["shortest"], control["begins"] = shortest, float(begins)
 
     @property
     def _shortest(self) -> float:
@@ -481,6 +493,11 @@ class AdaptiveStepper(ResumableStepper, TangentStepper, JumpingStepper):
         errors = self._orbit.prefit_kernels(closest, self._farthest, self._known, of_modes)
         warn_of_fit(errors.noise, self.allowed.rtol)
         self._least = self._view.least(t_end, max(errors), self.allowed.of_step.by_size)
+
+    def note_reads(self, change: np.ndarray) -> None:
+        """Note the change (d,) of f by delayed values: its rounding is at least that of this."""
+        seen = self._view.widened(np.where(np.isfinite(change), change, 0.0))
+        np.maximum(self._state.reads, seen, out=self._state.reads)
 
     def _refine_modes(self, closest: float) -> None:
         """Refine the modes so that they are accurate from the time lag `closest` on."""
@@ -499,9 +516,9 @@ class AdaptiveStepper(ResumableStepper, TangentStepper, JumpingStepper):
         return self._view.values(errors, errors)[0]
 
     @property
-    def sizes_and_reach(self) -> np.ndarray:
-        """Largest |y| of each component since t = 0, and what others could make of it, (2, d)."""
-        found = np.array([self._state.sizes, self._state.reach])
+    def sizes_and_noise(self) -> np.ndarray:
+        """Largest |y| of each component since t = 0, and its unit of rounding, (2, d)."""
+        found = np.array([self._state.sizes, self._noise])
         return self._view.values(found, found)[0]
 
     @property

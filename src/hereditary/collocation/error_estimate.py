@@ -14,13 +14,12 @@ import numpy as np
 from ..compiled.functions import set_force
 from ..compiled.jacobian import LEAST
 from ..compiled.jit import inner
-from ..compiled.linalg import clear, put, put_matrix
-from ..compiled.reach import NOISE
+from ..compiled.linalg import clear, largest_of, put, put_matrix
 from .newton import (
+    ROUNDING_OF_SYSTEM,
     contraction_rate,
     correct_forces,
     forces,
-    largest_of,
     nodal_slopes,
     positions,
     residuals,
@@ -29,7 +28,7 @@ from .newton import (
 )
 from .operators import FORCE, POSITION, PRIMARY, SLOPE, subtract_from_forces
 from .structures import ALGEBRAIC, AT_EDGE
-from .tolerances import ROUNDING_OF_SUMS, allowed_error
+from .tolerances import ROUNDING_OF_SUMS, allowed_error, error_of_young
 
 # Smallest relative tolerance of tangents. Decayed tangents consist of rounding errors, which grow
 # when tangents are normalised.
@@ -50,7 +49,7 @@ _DEFECT_WEIGHT = 0.3
 _ROUNDING_OF_F = 2e-14
 # Change of p by the defect of f, in units of Newton's tolerance, above which the equations are
 # evaluated again at the nodes.
-_CHECK_BEYOND = 100.0
+_CHECK_BEYOND = 30.0
 # Change of p that Newton's method requires after this second evaluation of the equations, in units
 # of Newton's tolerance. Above it the step is rejected.
 _MAX_RESIDUAL_CHANGE = 10.0
@@ -72,6 +71,12 @@ _MAX_START_MISMATCH = 10.0
 # Largest error of a step, in tolerances of y at its start. In a first step y may grow by decades.
 # Without this limit, orders 0.0158 and 1 - 1e-8 err by 1.8 tolerances at early times.
 _AT_START = 5.0
+# Part of the largest |p| in a first step up to which a component begins from little.
+_BEGINS_BELOW = 1e-3
+# Ratio of relative errors of two trial steps above which the shorter step does not reduce them.
+NO_LESS = 0.5
+# Largest error by rounding of f, as a fraction of |J| |y| summed over the step.
+_ROUNDING_OF_SUM = 1e-13
 # Rounding error of y, as a fraction of the largest y of a step.
 _ROUNDING_OF_STEP = 1e-13
 
@@ -234,6 +239,7 @@ def look_once_more(m, h):
             if not (
                 abs(defect) <= _MIN_DEFECT_RATIO_IF_MISSED * alike
                 or moved <= _MIN_CHANGE_IF_MISSED * newton_tol[c]
+                or moved <= error_of_growth(m, h, c)
             ):
                 return t
     return 0.0
@@ -289,7 +295,8 @@ def equations_hold(m, h):
     forces(m, x, before)
     residuals(m, workspace.base[0], p, x, before)
     solve_for_orbit(m)
-    size = take_change(workspace.change, workspace.newton_tol, p)
+    tolerances = workspace.newton_tol, workspace.rounding
+    size = take_change(workspace.change, *tolerances, m.stages.scales, p)
     if not size <= max(_MAX_RESIDUAL_CHANGE, _MAX_RESIDUAL_CONTRACTION * previous):
         return False
     put_matrix(before, f)
@@ -391,7 +398,7 @@ def error_ratio(m, h):
 
     It covers y, and y' where y' is the primary unknown p. The tolerance of p is at least the
     rounding error of p(0), because p is a difference of p(0) and terms of the same size. It is at
-    least Newton's tolerance as well. Components that are rounding of others do not count.
+    least Newton's tolerance as well. Errors that no shorter step reduces do not count.
     """
     limits, errors = m.limits, m.workspace.errors
     above_one, values = m.equations.above_one, m.workspace.values[0]
@@ -404,22 +411,72 @@ def error_ratio(m, h):
         for i in range(values.shape[2]):
             size_p = max(size_p, abs(values[PRIMARY, c, i]))
             size_x = max(size_x, abs(values[POSITION, c, i]))
+        own, ratio = size_p, 0.0
         if above_one[c] == 1:
             size_p = max(size_p, largest[c])
             allowed = max(allowed_error(c, size_x, size, 0, end, limits), LEAST)
-            worst = max(worst, h * errors[c] / allowed)
+            ratio = h * errors[c] / allowed
         allowed = allowed_error(c, size_p, size, above_one[c], end, limits)
         if above_one[c] == 0 and before[c] > LEAST:
             at_start = _AT_START * allowed_error(c, before[c], before[c], 0, end, limits)
             allowed = min(allowed, max(at_start, _ROUNDING_OF_STEP * size_p))
-        allowed = max(allowed, _ROUNDING_OF_P * abs(p0[c]), newton_tol[c], LEAST)
-        if max(size_x, m.state.sizes[c]) <= NOISE * m.state.reach[c] and errors[c] <= newton_tol[c]:
-            continue
-        if errors[c] / allowed > worst:
-            worst, control.worst = errors[c] / allowed, c
+        rounding = max(_ROUNDING_OF_P * abs(p0[c]), ROUNDING_OF_SYSTEM * m.stages.scales[c])
+        allowed = max(allowed, rounding, newton_tol[c], LEAST)
+        ratio = max(ratio, errors[c] / allowed)
+        if ratio > worst and counts(m, h, c, own, allowed):
+            worst, control.worst = ratio, c
         if not errors[c] < np.inf:
             return np.inf
     return worst
+
+
+@inner
+def counts(m, h, c, largest, allowed):
+    """Return whether the error of component c counts, whose largest |p| in the step is given."""
+    error = m.workspace.errors[c]
+    if error <= error_of_young(m.state, c, m.equations.above_one[c], m.limits):
+        return False
+    return not ((error > allowed or m.state.noisy[c] == 1.0) and is_least(m, h, c, largest))
+
+
+@inner
+def error_of_growth(m, h, c):
+    """Return the tolerance of what component c became in longer trials of a first step.
+
+    It grew there by the power of time that the second half of this step shows. The tolerance is 0
+    in other steps, for a component that does not begin from little, and without a longer trial.
+    """
+    state, p, nodes, half = m.state, m.workspace.values[0, PRIMARY, c], m.rule.nodes, 0
+    largest = largest_of(p, 0, p.shape[0])
+    little = abs(m.orbit.p[0, c]) <= _BEGINS_BELOW * largest
+    if state.control.begins == 0.0 or not little or not h < state.since[c] < np.inf:
+        return 0.0
+    for i in range(nodes.shape[0]):
+        half = i if abs(nodes[i] - 0.5) < abs(nodes[half] - 0.5) else half
+    now, before = abs(p[-1]), abs(p[half])
+    power = math.log(now / before) / -math.log(nodes[half]) if 0.0 < before < now else 0.0
+    return m.limits.rtol * largest * (state.since[c] / h) ** power
+
+
+@inner
+def is_least(m, h, c, largest):
+    """Return whether no shorter step reduces the error of component c, relative to its largest |p|.
+
+    This is so for rounding of f. In a first step it is so for a component that grows by a power of
+    time which the step's polynomials do not contain. A rejected step tells. The growing component
+    may err by the tolerance of what it becomes by this power.
+    """
+    state, sums = m.state, m.operators.sums[m.equations.kinds[c]]
+    error, tried = m.workspace.errors[c], state.tried[c]
+    share = error / max(largest, LEAST)
+    grown = error_of_growth(m, h, c)
+    if grown > 0.0:
+        return share >= NO_LESS * tried and error <= grown
+    if error > _ROUNDING_OF_SUM * m.workspace.force_scales[c] * abs(sums[-1]):
+        return False
+    if share >= NO_LESS * tried * (h / state.control.tried):
+        state.noisy[c] = 1.0
+    return state.noisy[c] == 1.0
 
 
 @inner

@@ -11,13 +11,14 @@ from typing import Any
 
 import numpy as np
 
+from ..compiled.functions import set_force
 from ..compiled.jacobian import LEAST
 from ..compiled.jit import MAT, as_value, compiled_type, entry, inner, plug_in
-from ..compiled.linalg import clear_matrix, put, put_cube, put_matrix
-from ..compiled.reach import set_reach
+from ..compiled.linalg import clear_matrix, largest_of, put, put_cube, put_matrix
+from ..compiled.reach import set_moved, set_reach
 from ..compiled.reference import Reference
 from .edge import solve_at_edge
-from .error_estimate import orbit_error, tangents_error
+from .error_estimate import NO_LESS, orbit_error, tangents_error
 from .mode_tables import (
     advance_modes,
     fill_kernels,
@@ -42,6 +43,7 @@ from .structures import (
     AT_EDGE,
     FILLING_SIG,
     HELD,
+    KEPT,
     LENGTH,
     READ_VARYING_SIG,
     TANGENTS_SIG,
@@ -49,7 +51,16 @@ from .structures import (
     AdaptiveWork,
     FirstJacobian,
 )
-from .tolerances import begin_sizes, raise_sizes, raise_to_least, set_newton_tol
+from .tolerances import (
+    any_is_little,
+    begin_growth,
+    begin_sizes,
+    note_growth,
+    note_rounding,
+    raise_sizes,
+    raise_to_least,
+    set_newton_tol,
+)
 
 
 @inner
@@ -72,8 +83,11 @@ def attempt(march, t, h, table_index):
     set_times(origin, t, h, m.rule.nodes, limits, workspace.times)
     set_times(origin, t, h, m.rule.check_points, limits, workspace.check_times)
     extrapolate(m, h)
+    first = state.control.begins == 1.0
+    if first:
+        begin_growth(orbit.x[0], state.growth)
     put(state.sizes, workspace.sizes)
-    begins = raise_to_least(equations, state.reach, workspace.sizes)
+    begins = raise_to_least(equations, state, workspace.sizes)
     put(workspace.sizes, workspace.sizes_before)
     set_starts(orbit, equations.above_one, workspace.starts)
     solved, again = False, True
@@ -85,9 +99,19 @@ def attempt(march, t, h, table_index):
             break
         # a size of 0 is set by a first solution, and remains if the step is rejected
         again = begins and begin_sizes(values[0], state.sizes)
-        begins = False
+        again = (first and any_is_little(state, values[0])) or again
+        if again:  # sizes, reach and scales of linear systems are those of this solution
+            put(state.sizes, workspace.sizes)
+            m.stages.control[KEPT] = 0.0
         raise_sizes(values[0], workspace.sizes)
-        raise_to_least(equations, state.reach, workspace.sizes)
+        if first:
+            if again:
+                set_reach(m.stages.jacobians[0], equations.rates, workspace.sizes, state.reach)
+            note_growth(m, h)
+        raise_to_least(equations, state, workspace.sizes)
+        if first and not again:  # no component is young
+            set_newton_tol(m, h)
+        begins = first = False
     ratio, by_defect = np.inf, False
     if solved:
         ratio, by_defect = orbit_error(m, h, table_index)
@@ -154,7 +178,13 @@ def jacobian_at_start(start, out):
     equations, state = start.equations, start.state
     set_units(equations, state.sizes, start.x, start.limits, start.units)
     start.right.jacobian(start.right.force, start.t, start.x, start.units, out)
-    set_reach(out, equations.rates, state.sizes, state.reach)
+    later = min(start.t + _LATER_START * start.limits.t_end, start.limits.latest)
+    moved = np.empty(start.x.shape[0])
+    set_force(start.right.force, later, start.x, moved)
+    set_moved(out, equations.rates, state.sizes, moved)
+    set_reach(out, equations.rates, moved, state.reach)
+    for c in range(start.x.shape[0]):
+        state.tried[c] = np.inf
 
 
 @inner
@@ -201,6 +231,9 @@ _MIN_FACTOR = 0.2
 _SAFETY = 0.8
 # Number of steps after which the reach of components is found again, if no size grows.
 _STEPS_PER_REACH = 8
+# Time just after the start at which f makes the first reach, as a fraction of the run. At the start
+# itself f may be 0 or infinite.
+_LATER_START = 1e-3
 # Ratio of step lengths from which a longer step is always worth a new factorisation, for many
 # components with a dense Jacobian.
 _MIN_WORTHWHILE_FACTOR = 2.0
@@ -246,12 +279,16 @@ def take_steps(march):
         if was_rejected:
             counts.rejected += 1
             counts.by_defect += int(by_defect)
+            if solved:
+                note_errors(m, h)
             if not t + 0.01 * control.next > t:
                 return row, reason_of_refusal(by_defect, solved)
             continue
         counts.accepted += 1
         if raise_sizes(values[0], m.state.sizes) or counts.accepted % _STEPS_PER_REACH == 0:
             set_reach(stages.jacobians[0], equations.rates, m.state.sizes, m.state.reach)
+        note_growth(m, h)
+        note_rounding(m)
         record_step(m, t, h, ratio, row)
         absorb_constant_mode(m.basis.rates, orbit)
         put_cube(orbit.modes, orbit.before)
@@ -260,7 +297,21 @@ def take_steps(march):
         advance_orbit(m, h, table_index)
         row += 1
         control.time, control.last = (end if h == left else t + h), h
+        control.begins = 0.0
     return row, REACHED
+
+
+@inner
+def note_errors(m, h):
+    """Store the errors of a rejected step of length h, relative to the largest |p| in it."""
+    p, tried, errors = m.workspace.values[0, PRIMARY], m.state.tried, m.workspace.errors
+    m.state.control.tried = h
+    for c in range(p.shape[0]):
+        largest = largest_of(p[c], 0, p.shape[1])
+        share = errors[c] / largest if largest > 0.0 else np.inf
+        if tried[c] == np.inf or share < NO_LESS * tried[c]:
+            m.state.since[c] = h
+        tried[c] = share
 
 
 @entry(ADAPTIVE_MARCH, announced="the march of collocation", allocates=False)

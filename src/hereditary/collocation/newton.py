@@ -16,7 +16,16 @@ import numpy as np
 from ..compiled.functions import set_force
 from ..compiled.jacobian import COLUMNS, ROWS, VALUES, add_derivative_by, is_sparse, magnitudes
 from ..compiled.jit import inner
-from ..compiled.linalg import clear_matrix, dot, factorise, put, put_cube, put_matrix
+from ..compiled.linalg import (
+    clear,
+    clear_matrix,
+    dot,
+    factorise,
+    largest_of,
+    put,
+    put_cube,
+    put_matrix,
+)
 from ..compiled.newton import ACCEPT, FAIL, ITERATE, REFRESH
 from ..compiled.signatures import FACTORISE, SUBSTITUTE
 from .operators import FORCE, POSITION, PRIMARY
@@ -48,19 +57,13 @@ _TANGENT_NEWTON_RTOL = 1e-11
 _MIN_NEWTON_RTOL = 1e-10
 # Rounding error of p, as fraction of its largest value at the nodes.
 _ROUNDING_OF_PRIMARY = 4e-16
+# Rounding error of f, as fraction of |J| |y|, to which Newton's method need not converge.
+_ROUNDING_BY_F = 4e-15
+# Rounding error of a linear system's solution, as fraction of its largest entry in units of scales.
+ROUNDING_OF_SYSTEM = 1e-15
 # Least absolute change of p at which Newton's method converges; a component whose tolerance is
 # below this has no size yet.
 _MIN_NEWTON_ATOL = 1e-202
-
-
-@inner
-def largest_of(values, first, many):
-    """Return the largest of `many` absolute values from index `first` on; NaN if one is NaN."""
-    largest = 0.0
-    for i in range(first, first + many):
-        if not abs(values[i]) <= largest:
-            largest = abs(values[i])
-    return largest
 
 
 @inner
@@ -180,6 +183,7 @@ def solve_stages(m, h):
     previous, fresh = np.inf, False
     jacobians = stages.jacobians[:1]
     positions(m, h, p, x_start, x)
+    clear(workspace.rounding)
     for sweep in range(_STAGE_NEWTON_MAXITER):
         counts.rhs += s
         halved = 0
@@ -197,7 +201,7 @@ def solve_stages(m, h):
         if control[KEPT] == 0.0:
             counts.rhs += stage_jacobians(m, x, jacobians)
             control[KEPT], control[LENGTH], control[REDUCED], fresh = 1.0, 0.0, 0.0, True
-            set_scales(m.state.reach, workspace.units, stages)
+            set_scales(m.state, workspace.sizes, workspace.units, stages)
         if control[LENGTH] != h:
             control[LENGTH] = 0.0
             if not factorise_newton(m, h, p, jacobians):
@@ -208,14 +212,20 @@ def solve_stages(m, h):
                 jacobians = stages.jacobians
                 continue
             control[LENGTH], previous = h, np.inf
-        if previous == np.inf:  # scales at the guess: a stiff y may be far below its start
+        begins = previous == np.inf
+        if begins:  # scales at the guess: a stiff y may be far below its start
             for c in range(workspace.starts.shape[0]):
-                workspace.point[c] = x[c, s - 1]
+                noise = m.state.noisy[c] * m.state.scales[c]  # rounding of y_c is that of this
+                workspace.point[c] = max(abs(x[c, s - 1]), noise)
             magnitudes(jacobians[0], workspace.point, workspace.force_scales)
             magnitudes(jacobians[0], workspace.starts, workspace.start_scales)
+            for c in range(workspace.starts.shape[0]):
+                workspace.force_scales[c] += m.state.reads[c]
         residuals(m, workspace.base[0], p, x, f)
         solve_for_orbit(m)
-        size = take_change(change, newton_tol, p)
+        size = take_change(change, newton_tol, workspace.rounding, stages.scales, p)
+        if begins:
+            set_rounding(m)
         if not size < np.inf:
             control[KEPT] = 0.0
             return False
@@ -233,6 +243,18 @@ def solve_stages(m, h):
         previous = size
     control[KEPT] = 0.0
     return False
+
+
+@inner
+def set_rounding(m):
+    """Set the change of p by rounding of f, `m.workspace.rounding` (d,), after a first iteration.
+
+    In a first iteration changes of this size may still be those of the solution.
+    """
+    sums, kinds, workspace = m.operators.sums, m.equations.kinds, m.workspace
+    for c in range(kinds.shape[0]):
+        summed = workspace.force_scales[c] * abs(sums[kinds[c], -1])
+        workspace.rounding[c] = _ROUNDING_BY_F * summed
 
 
 @inner
@@ -332,22 +354,26 @@ def take_back_at_nodes(f, share, change, p):
 
 
 @inner
-def take_change(change, newton_tol, p):
+def take_change(change, newton_tol, rounding, scales, p):
     """Subtract a change (d s,) from p (d, s); return its largest ratio to the tolerance (d,).
 
-    The tolerance counts as at least the rounding error of p.
+    The tolerance counts as at least the rounding error of p. It consists of p's own, of `rounding`
+    (d,), and of that of a linear system in units of the `scales` (d,), which mixes all changes.
     """
-    size = 0.0
+    size, mixed, s = 0.0, 0.0, p.shape[1]
+    for c in range(p.shape[0] if p.shape[0] > 1 else 0):
+        mixed = max(mixed, largest_of(change, c * s, s) / scales[c])
     for c in range(p.shape[0]):
         largest = 0.0
-        for i in range(p.shape[1]):
-            p[c, i] -= change[c * p.shape[1] + i]
+        for i in range(s):
+            p[c, i] -= change[c * s + i]
             largest = max(largest, abs(p[c, i]))
         allowed = max(_MIN_NEWTON_RTOL * largest, _MIN_NEWTON_ATOL)
         if newton_tol[c] > _MIN_NEWTON_ATOL:  # else it begins at 0 and has no size yet
-            allowed = max(newton_tol[c], _ROUNDING_OF_PRIMARY * largest)
-        for i in range(p.shape[1]):
-            size = max(size, abs(change[c * p.shape[1] + i]) / allowed)
+            allowed = max(newton_tol[c], rounding[c], _ROUNDING_OF_PRIMARY * largest)
+        allowed = max(allowed, ROUNDING_OF_SYSTEM * mixed * scales[c])
+        ratio = largest_of(change, c * s, s) / allowed
+        size = size if ratio <= size else ratio  # also NaN
     return size
 
 

@@ -183,7 +183,7 @@ def _order(form: Form) -> float:
     """
     forces = form.terms[form.terms["integrand"] == FORCE]
     orders = form.orders[forces["index"]] + form.above_one[forces["row"]]
-    return max(float(orders.min(initial=1.0)), 0.1)
+    return max(float(orders.min()), 0.1) if orders.size else 1.0
 
 
 def _rate_of_many(

@@ -488,10 +488,14 @@ def set_entries(stage):
 
 
 @inner
-def set_scales(reach, units, stage):
-    """Set scales of components to powers of 2: of their reach (d,) or, if it is 0, their units."""
+def set_scales(state, sizes, units, stage):
+    """Set scales of components to powers of 2: of the sizes (d,) to which they seem to grow.
+
+    A component without a size has the scale of its unit (d,).
+    """
     for c in range(units.shape[0]):
-        size = reach[c] if reach[c] > LEAST else units[c]
+        size = max(sizes[c], min(state.reach[c], state.growth[c]))
+        size = size if size > LEAST else units[c]
         stage.scales[c] = math.ldexp(1.0, math.frexp(size)[1] - 1)
 
 

@@ -45,8 +45,21 @@ TERM = np.dtype(
 # - shortest: length of the shortest step for which the exponential modes are accurate.
 # - rejected: 1 if the last trial step was rejected.
 # - worst: component with the largest ratio of error to tolerance in the last trial step.
+# - tried: length of the last rejected step.
+# - begins: 1 in a first step, where components may grow from nothing.
 # - missed: last time at which f differed from its polynomial between the nodes, or 0.
-_TIMES = "time", "next", "last", "shortest", "rejected", "origin", "worst", "missed"
+_TIMES = (
+    "time",
+    "next",
+    "last",
+    "shortest",
+    "rejected",
+    "origin",
+    "worst",
+    "missed",
+    "tried",
+    "begins",
+)
 CONTROL = np.dtype([(name, "f8") for name in _TIMES], align=True)
 # Record of counts: calls of the right-hand side, accepted steps, rejected steps, and steps rejected
 # for the defect of f between the nodes alone.
@@ -221,6 +234,12 @@ class MarchState(NamedTuple):
     - largest (d,): the largest |y'| so far, where p is y'.
     - sizes (d,): the largest |y| so far.
     - reach (d,): what other components could make of each during the run (compiled/reach.py).
+    - growth (d,): what each makes of itself by growing as a power of time (compiled/reach.py).
+    - reads (d,): largest change of f by delayed values, in units of f.
+    - scales (d,): largest |J| |y| summed over a step, so that its rounding is that of y by f.
+    - noisy (d,): 1 for components whose error is rounding, which no shorter step reduces.
+    - tried (d,): errors of the last rejected step, relative to p in it; infinite if there is none.
+    - since (d,): length of the first of the rejected steps in which this error has not fallen.
     """
 
     control: Control
@@ -229,6 +248,12 @@ class MarchState(NamedTuple):
     largest: Vector
     sizes: Vector
     reach: Vector
+    growth: Vector
+    reads: Vector
+    scales: Vector
+    noisy: Vector
+    tried: Vector
+    since: Vector
 
 
 class Steps(NamedTuple):
@@ -282,7 +307,7 @@ class FirstJacobian(NamedTuple):
 
     - right, equations, limits: as in `AdaptiveWork`; t: time.
     - x (d,): y.
-    - state: its `reach` is set.
+    - state: as there.
     - units (d,): sizes for the increments of difference quotients of f, which are set.
     """
 
@@ -392,6 +417,7 @@ class StageWorkspace(NamedTuple):
     - units (d,): size of each component, for the increments of difference quotients of f.
     - force_scales, start_scales (d,): scales |J| |y| and |J| |y(0)| of the rounding error of f.
     - starts (d,): |y(0)| if y is computed as y(0) plus integrals, otherwise 0.
+    - rounding (d,): change of p by rounding of f, up to which Newton's method has converged.
 
     Summands of f are as large as |J| |y|, so f has the rounding error of a number of this size. If
     y is computed as y(0) plus integrals, the rounding of y(0) adds the scale |J| |y(0)|.
@@ -417,6 +443,7 @@ class StageWorkspace(NamedTuple):
     force_scales: Vector
     starts: Vector
     start_scales: Vector
+    rounding: Vector
     base: Cube
     values: Cubes
     jacobians: Cube
@@ -488,7 +515,7 @@ ADAPTIVE_MARCH = Reference(compiled_type(AdaptiveMarch))
 # Fields of `StageWorkspace` with one number for each component.
 _BY_COMPONENT = (
     "point", "f_at_point", "newton_tol", "errors", "defect", "sizes", "sizes_before",
-    "units", "force_scales", "starts", "start_scales",
+    "units", "force_scales", "starts", "start_scales", "rounding",
 )  # fmt: skip
 
 
@@ -529,8 +556,9 @@ def initial_state(h: float, largest: np.ndarray, sizes: np.ndarray) -> MarchStat
     `largest` and `sizes` (d,) are the initial values of the fields with these names.
     """
     contraction = record(CONTRACTION, (1.0, 1.0, 1.0, 0.0))
-    control, reach = record(CONTROL, next=h), sizes.copy()
-    return checked(MarchState(control, record(COUNTS), contraction, largest, sizes, reach))
+    control, d = record(CONTROL, next=h), sizes.size
+    by_component = sizes.copy(), sizes.copy(), *np.zeros((3, d)), *np.full((2, d), np.inf)
+    return checked(MarchState(control, record(COUNTS), contraction, largest, sizes, *by_component))
 
 
 def restored_state(kept: tuple[np.ndarray, ...]) -> MarchState:

@@ -6,13 +6,15 @@ Letters of shapes: d components. The primary unknown p is y, or y' for orders ab
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
 import numpy as np
 
 from ..compiled.jacobian import LEAST
 from ..compiled.jit import inner
-from ..compiled.reach import SMALL
+from ..compiled.linalg import largest_of
+from ..compiled.reach import HORIZON, SMALL, YOUNG
 from .operators import POSITION
 from .step_limits import MAX_STEPS
 
@@ -42,9 +44,13 @@ _MIN_RTOL_OF_FIRST_STEPS = 5e-14
 # Error of p that Newton's method may leave (its tolerance), as fraction of the error that a step
 # may make.
 _NEWTON_TOL_FRACTION = 0.01
-# Error that Newton's method may leave in a component far below its reach, as fraction of what
-# others could make of it in the step. It may be a difference of equal ones, rounding of this size.
-_ROUNDING_OF_REACH = 3e-15
+# Error of a young component, as fraction of the size at which it no longer is young. A larger one
+# would count as a size.
+_OF_YOUNG = 0.01
+# Rounding error of linear systems in a young component, as fraction of this error.
+_ROUNDING_OF_YOUNG = 0.01
+# Largest power of time with which a component is assumed to grow.
+_LARGEST_POWER = 100.0
 # Rounding error of integrals of y over a step, as a fraction of y, where p is y'.
 ROUNDING_OF_SUMS = 1e-15
 # Change of y over the run that the allowed error of y' may cause, in units of the tolerance of y
@@ -146,14 +152,20 @@ def undamped(estimate: float, of_fit: float, moved: float, n_steps: int) -> floa
 
 
 @inner
-def raise_to_least(equations, reach, sizes):
-    """Raise the sizes of components, (d,), to a part of their reach, and of their sources' sizes.
+def least_size(state, c):
+    """Return the least size of component c: a part of its reach, while it grows."""
+    return SMALL * min(state.reach[c], state.growth[c])
+
+
+@inner
+def raise_to_least(equations, state, sizes):
+    """Raise the sizes of components, (d,), to their least ones, which follow from those of others.
 
     Returns whether any size is still 0.
     """
     begins = False
     for c in range(sizes.shape[0]):
-        sizes[c] = max(sizes[c], SMALL * reach[c])
+        sizes[c] = max(sizes[c], least_size(state, c))
     for c in range(sizes.shape[0]):
         sizes[c] = max(sizes[c], equations.least[c] * sizes[equations.sources[c]])
         begins = begins or sizes[c] <= LEAST
@@ -162,7 +174,7 @@ def raise_to_least(equations, reach, sizes):
 
 @inner
 def raise_sizes(values, sizes):
-    """Raise `sizes` (d,) to the largest |y| at the nodes; return whether any grew by a tenth.
+    """Raise `sizes` (d,) to the largest |y| at the nodes; return whether any doubled.
 
     `values` (n_q, d, s) has y in it.
     """
@@ -172,7 +184,7 @@ def raise_sizes(values, sizes):
         for i in range(values.shape[2]):
             size = abs(values[POSITION, c, i])
             sizes[c] = size if sizes[c] < size < np.inf else sizes[c]
-        grew = grew or sizes[c] > 1.1 * before
+        grew = grew or sizes[c] > 2.0 * before
     return grew
 
 
@@ -191,6 +203,87 @@ def begin_sizes(values, sizes):
 
 
 @inner
+def begin_growth(x, growth):
+    """Set the growth (d,) before a first step: |y| (d,), or unlimited for components that are 0.
+
+    Those that were 0 before, and still are young, remain so.
+    """
+    for c in range(growth.shape[0]):
+        if abs(x[c]) <= LEAST or growth[c] < np.inf:
+            growth[c] = abs(x[c]) if abs(x[c]) > LEAST else np.inf
+
+
+@inner
+def any_is_little(state, values):
+    """Return whether any component of a solved step, (n_q, d, s), is below a part of its reach."""
+    for c in range(values.shape[1]):
+        own = max(state.sizes[c], largest_of(values[POSITION, c], 0, values.shape[2]))
+        if own < SMALL * state.reach[c]:
+            return True
+    return False
+
+
+@inner
+def note_growth(m, h):
+    """Set the growth of components, from their powers of time in a solved step of length h.
+
+    The power of a component that begins at 0 is that of the second half of its first step.
+    """
+    state, x_start, t = m.state, m.orbit.x[0], m.state.control.time
+    x, first = m.workspace.values[0, POSITION], state.control.begins == 1.0
+    for c in range(x.shape[0]):
+        before, now = abs(x_start[c]), abs(x[c, -1])
+        own = max(state.sizes[c], now)
+        if state.growth[c] == np.inf and own <= YOUNG * state.reach[c]:
+            continue
+        state.growth[c] = own
+        if own < SMALL * state.reach[c] and now == own:
+            if first and before <= LEAST:
+                state.growth[c] = growth_of(m, h, x[c], own)
+            elif before < now and t > 0.0:
+                state.growth[c] = grown(own, before, (t + h) / t, m.limits.t_end / (t + h))
+
+
+@inner
+def growth_of(m, h, values, own):
+    """Return what becomes of a size `own` by the power of time in the second half of a first step.
+
+    The step has the length h.
+    """
+    nodes, half = m.rule.nodes, 0
+    for i in range(nodes.shape[0]):
+        half = i if abs(nodes[i] - 0.5) < abs(nodes[half] - 0.5) else half
+    now, before = abs(values[-1]), abs(values[half])
+    if not before < now:
+        return own
+    return grown(own, own * (before / now), 1.0 / nodes[half], m.limits.t_end / h)
+
+
+@inner
+def grown(own, before, stretch, left):
+    """Return the size at HORIZON times the present time, by the power of time from `before` on.
+
+    Time was multiplied by `stretch` since then, and will be by `left` until the end of the run.
+    """
+    power = math.log(own / before) / math.log(stretch) if before > LEAST else _LARGEST_POWER
+    return own * max(1.0, min(HORIZON, left)) ** min(power, _LARGEST_POWER)
+
+
+@inner
+def note_rounding(m):
+    """Raise the largest |J| |y| summed over a step, by that of an accepted step.
+
+    No more counts than the reach, because damping acts on rounding too.
+    """
+    state, sums, kinds = m.state, m.operators.sums, m.equations.kinds
+    force_scales = m.workspace.force_scales
+    for c in range(kinds.shape[0]):
+        state.tried[c] = np.inf
+        summed = force_scales[c] * abs(sums[kinds[c], -1])
+        state.scales[c] = max(state.scales[c], min(summed, max(state.reach[c], state.sizes[c])))
+
+
+@inner
 def allowed_error(c, value, size, is_speed, end, limits):
     """Return the tolerance of component y_c, or of y_c' if `is_speed` is 1.
 
@@ -205,28 +298,36 @@ def allowed_error(c, value, size, is_speed, end, limits):
 
 
 @inner
+def error_of_young(state, c, is_speed, limits):
+    """Return the error that changes nothing in component c, or c' if `is_speed` is 1, while young.
+
+    It is 0 for a component that is not young. One that has no reach is not.
+    """
+    if state.growth[c] < np.inf:
+        return 0.0
+    return _OF_YOUNG * YOUNG * state.reach[c] / (limits.t_end if is_speed == 1 else 1.0)
+
+
+@inner
 def set_newton_tol(m, h):
     """Set the error of p that Newton's method may leave, `m.workspace.newton_tol` (d,).
 
     It is a fraction of the tolerance. If the equation for p = y' has terms of y, the tolerance is
     at least the error of p by rounding of y. This error counts up to the one that changes y by its
-    rounding over the step. A component far below its reach may be rounding of others. Its tolerance
-    is at least the rounding error of what these make of it in the step.
+    rounding over the step.
     """
     equations, orbit = m.equations, m.orbit
     state, limits, workspace = m.state, m.limits, m.workspace
     terms, orders, above_one = equations.terms, equations.orders, equations.above_one
-    newton_tol, d, sums = workspace.newton_tol, workspace.newton_tol.shape[0], m.operators.sums
+    newton_tol, d = workspace.newton_tol, workspace.newton_tol.shape[0]
     for c in range(d):
         size = max(state.largest[c], abs(orbit.p[0, c]))
         newton_tol[c] = _NEWTON_TOL_FRACTION * allowed_error(
             c, size, workspace.sizes[c], above_one[c], 1.0, limits
         )
-        if limits.by_size > 0.0 and state.sizes[c] < workspace.sizes[c]:
-            whole = 1.0 / limits.t_end if above_one[c] == 1 else 1.0
-            share = min(whole, equations.rates[c] * abs(sums[equations.kinds[c], -1]))
-            rounding = _ROUNDING_OF_REACH * state.reach[c]
-            newton_tol[c] = max(newton_tol[c], rounding * (share if share > 0.0 else whole))
+        young = error_of_young(state, c, above_one[c], limits)
+        if young > 0.0:
+            newton_tol[c] = min(max(newton_tol[c], _ROUNDING_OF_YOUNG * young), young)
     for n in range(terms.shape[0]):
         c, k = terms[n].row, terms[n].index
         if terms[n].integrand == POSITION and 0 <= k < orders.shape[0] and c < d:

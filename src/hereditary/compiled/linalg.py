@@ -17,6 +17,16 @@ def put(values, out):
 
 
 @inner
+def largest_of(values, first, many):
+    """Return the largest of `many` absolute values from index `first` on; NaN if one is NaN."""
+    largest = 0.0
+    for i in range(first, first + many):
+        if not abs(values[i]) <= largest:
+            largest = abs(values[i])
+    return largest
+
+
+@inner
 def clear(out):
     """Set a vector to 0."""
     for c in range(out.shape[0]):

@@ -1,7 +1,12 @@
 """Sizes of components, to which the errors of a run are relative, whatever their units.
 
-The size of a component is its own largest |y| so far, at least a part, `SMALL`, of its *reach*.
-The reach is what other components could make of it during the run. Component e makes
+The size of a component is its own largest |y| so far. While it grows from little it is at least a
+part, `SMALL`, of its *reach*: what other components could make of it during the run. A component
+grows as a power of time. Its reach counts up to what this power makes of it at `HORIZON` times the
+present time. So a component that does not grow has its own size, whatever its reach. A component
+that began at 0 is *young* up to a part of its reach, `YOUNG`: it may be rounding, and has no power.
+
+Component e makes
 ``g_ce |y_e|`` of component c, with the gain ``g_ce = |J_ce| / (rate_c + damping_c)``. J is the
 Jacobian of f, and `rate_c` is the f that moves y_c by 1 during the run. The damping is |J_cc|
 without what returns from components that c drives. The largest product of gains along a chain of
@@ -26,8 +31,12 @@ from .jit import Integers, Vector, inner
 # Least size of a component, as a part of its reach. With 1e-5 a component of 1e-8 of others errs by
 # 1.1 tolerances instead of 0.02 (six problems in random units).
 SMALL = 1e-6
-# Size of a component up to which it is rounding of others, as a part of its reach.
-NOISE = 1e-13
+# Time up to which a component is assumed to grow as a power of time, in present times.
+HORIZON = 100.0
+# Size of a component that began at 0, as a part of its reach, up to which it may be rounding.
+YOUNG = 1e-12
+# Size of a component up to which it is rounding of f, in units of |J| |y| summed over a step.
+NOISE = 2e-13
 # Largest number of sweeps over all components in each of two loops.
 _MAX_SWEEPS = 8
 # Change of the logarithm of a unit or of a reach at which sweeps end.
@@ -60,26 +69,30 @@ class Links(NamedTuple):
 def set_reach(j_f, rates, sizes, reach):
     """Set `reach` (d,): what other components could make of each, or its own size (d,) if larger.
 
+    A single component has none.
+
     `j_f` is the Jacobian of f, dense or sparse, and `rates` (d,) are those of the run.
     """
     d = sizes.shape[0]
     if d == 1:
-        reach[0] = sizes[0]
+        reach[0] = 0.0
         return
-    slow, damping, units = np.empty(d), np.empty(d), np.empty(d)
+    slow, damping, kept, units = np.empty(d), np.empty(d), np.empty(d), np.empty(d)
     links = links_of(j_f, rates, slow, damping)
     rows, columns, gains = links.rows, links.columns, links.gains
     circles, order = np.empty(d, dtype=np.int64), np.empty(d, dtype=np.int64)
     find_circles(links, units, circles, order)
     balance(links, circles, units)
+    for c in range(d):
+        kept[c] = damping[c]
     for k in range(rows.shape[0]):
         c, e = rows[k], columns[k]
-        if damping[c] > 0.0 and circles[c] == circles[e]:
-            damping[c] -= slow[c] * math.exp(gains[k] + units[e] - units[c])
+        if kept[c] > 0.0 and circles[c] == circles[e]:
+            kept[c] -= (slow[c] + damping[c]) * math.exp(gains[k] + units[e] - units[c])
     for k in range(rows.shape[0]):
         c, e = rows[k], columns[k]
         if damping[c] > 0.0:
-            gains[k] -= math.log1p(damping[c] / slow[c])
+            gains[k] += math.log((slow[c] + damping[c]) / (slow[c] + max(kept[c], 0.0)))
         if circles[c] == circles[e]:
             gains[k] = min(gains[k], units[c] - units[e])
     for c in range(d):
@@ -89,9 +102,25 @@ def set_reach(j_f, rates, sizes, reach):
         reach[c] = math.exp(min(reach[c], _LARGEST_LOGARITHM))
 
 
+@inner
+def set_moved(j_f, rates, sizes, moved):
+    """Replace f in `moved` (d,) by what it makes of each component, or by its size (d,) if larger.
+
+    This is f over the rate and the damping of the component.
+    """
+    d = sizes.shape[0]
+    sparse = is_sparse(j_f, d)
+    for k in range(j_f.shape[1] if sparse else d):
+        c, e = (int(j_f[ROWS, k]), int(j_f[COLUMNS, k])) if sparse else (k, k)
+        if c == e:
+            speed = rates[c] + abs(j_f[VALUES, k] if sparse else j_f[c, c])
+            made = abs(moved[c]) / speed if speed > 0.0 else 0.0
+            moved[c] = max(sizes[c], made if made < np.inf else 0.0)
+
+
 @inner(allocates=True)
 def links_of(j_f, rates, slow, damping):
-    """Return the `Links` of a Jacobian, with gains that no damping reduces.
+    """Return the `Links` of a Jacobian, with gains that the whole damping reduces.
 
     Also sets `damping` (d,) to the moduli of the diagonal. Sets `slow` (d,) to the rates of the run
     or, for algebraic rows, to small parts of the damping.
@@ -114,7 +143,7 @@ def links_of(j_f, rates, slow, damping):
     for c in range(d):
         slow[c] = max(rates[c], _ALGEBRAIC_RATE * damping[c])
     for k in range(n):
-        gain = gains[k] / slow[rows[k]]
+        gain = gains[k] / (slow[rows[k]] + damping[rows[k]])
         gains[k] = math.log(gain) if 0.0 < gain < np.inf else -np.inf
     row, by_row = in_groups(rows[:n], d)
     column, by_column = in_groups(columns[:n], d)

@@ -308,10 +308,10 @@ class Provenance:
         first = np.searchsorted(solution.t[rows], other.t[:1].min(initial=np.inf))
         rows = rows[first:][: other.t.size]
         y = solution.y[rows]
-        apart, (size, reach) = y - other.y, self._sizes_and_reach(solution, found)
+        apart, (size, noise) = y - other.y, self._sizes_and_noise(solution, found)
         own = np.abs(y).max(axis=0, initial=0.0)
         size = np.where(size > 0, size, own)
-        size[np.maximum(size, own) <= NOISE * reach] = 0.0
+        size[np.maximum(size, own) <= NOISE * noise] = 0.0
         same = self._outside_jumps(other.t, found.jumps) if found.jumps.size else slice(None)
         return Accuracy(other.t[same], apart[same], size, rtol, other.stats["n_steps"])
 
@@ -324,16 +324,16 @@ class Provenance:
         before = 0 if self.resume is None else self.resume.how.n
         return solution.stats["n_steps"] - before
 
-    def _sizes_and_reach(self, solution: Solution, found: Outcome) -> np.ndarray:
-        """Return the largest |y| of an accurate run, as in `Accuracy`, and its reach, (2, d)."""
-        whole = self.problem.system.frame.values(cast(Any, found.stepper).sizes_and_reach)
+    def _sizes_and_noise(self, solution: Solution, found: Outcome) -> np.ndarray:
+        """Return the largest |y| of an accurate run, and its unit of rounding, (2, d)."""
+        whole = self.problem.system.frame.values(cast(Any, found.stepper).sizes_and_noise)
         whole = np.maximum(np.abs(whole.real), np.abs(whole.imag))
-        sizes, reach = whole if self.components is None else whole[:, self.components]
+        sizes, noise = whole if self.components is None else whole[:, self.components]
         size = np.abs(found.solution.y).max(axis=0, initial=0.0)
         # chosen rows may all be next to a zero of y, where the accurate run has no relative error
         if solution.t.size <= self._steps(solution):
             size = np.maximum(size, sizes)
-        return np.array([size, reach])
+        return np.array([size, noise])
 
     def _outside_jumps(self, times: np.ndarray, others: np.ndarray) -> np.ndarray:
         """Return which times are not between a jump of this run and that of the accurate run."""

@@ -58,6 +58,8 @@ _MIN_PAST_TOL = 1e-13
 _LEAST_DELAY = 1e-9
 # Steps of a search for the least delay.
 _HALVINGS_TO_LEAST_DELAY = 80
+# Largest relative change of delayed values that shows by how much f depends on them.
+_FACTOR = 0.01
 # Points, in units of 1 and of the components, at which algebraic rows are asked what they read.
 _ASKED = (0.0, 0.37, -0.61)
 
@@ -235,6 +237,21 @@ class DelayedStepper(ResumableStepper, JumpingStepper):
         for number, table in enumerate(tables):
             self._tables.fill(number, *table)
         self._until = until
+        if not self.on_given_steps:
+            self._inner.note_reads(self._change_by_delays(0.5 * (t + until)))
+
+    def _change_by_delays(self, t: float) -> np.ndarray:
+        """Return how much f changes by delayed values at time t, (d,), as units of its rounding.
+
+        It is the change by factors that differ for each component, so that terms that cancel count.
+        """
+        system, values = self.system, self._tables.values
+        before, f = values.copy(), system.rhs(t, self._inner.y)
+        factors = 1.0 + _FACTOR / np.sqrt(2.0 + np.arange(values.shape[2]))
+        values *= factors[:, None]
+        changed = system.rhs(t, self._inner.y)
+        values[:] = before
+        return np.abs(changed - f) / _FACTOR
 
     def _reach(self) -> Any:
         """Return the last position that the tables cover; fill them if the march has got there."""
@@ -392,7 +409,7 @@ class DelayedStepper(ResumableStepper, JumpingStepper):
     ydot = property(lambda self: self._inner.ydot)
     diagnostics = property(lambda self: self._inner.diagnostics)
     uncertainty = property(lambda self: self._inner.uncertainty)
-    sizes_and_reach = property(lambda self: self._inner.sizes_and_reach)
+    sizes_and_noise = property(lambda self: self._inner.sizes_and_noise)
 
     @property
     def failure(self) -> Ending | None:
