@@ -102,7 +102,10 @@ class Events:
         for number, function in enumerate(self._functions):
             values = np.append(self._values[number], self._seen(function, times[1:], rows[1:]))
             left = self._limits[number] - len(self.times[number])
-            for t, sign in self._zeros_of(number, times, values, at, edges):
+            seen = times, values
+            if not self._on_given_steps:
+                seen = self._with_turns(function, times, values, at)
+            for t, sign in self._zeros_of(number, *seen, at, edges):
                 found.append((t, number, sign))
                 left -= 1
                 if left == 0:
@@ -111,6 +114,26 @@ class Events:
         end = self._end(end, found, edges)
         self._keep(sorted(found), min(end, edges[-1]), at)
         return None if end == math.inf else float(end)
+
+    def _with_turns(
+        self, function: Callable, times: np.ndarray, values: np.ndarray, at: Callable
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Return times and values, with those where a parabola through three looks reaches 0.
+
+        There the function turns back between two zeros of which the looks see none.
+        """
+        a, v, b = values[:-2], values[1:-1], values[2:]
+        with np.errstate(all="ignore"):
+            turns = (np.sign(a) == np.sign(v)) & (np.sign(b) == np.sign(v))
+            turns &= (np.abs(v) < np.abs(a)) & (np.abs(v) < np.abs(b))
+        for i in np.flatnonzero(turns)[::-1]:
+            vertex, least = _vertex(times[i : i + 3], values[i : i + 3])
+            if least * v[i] < 0.0:
+                value = self._seen(function, [vertex], at(np.array([vertex])))[0]
+                where = i + 1 + int(vertex > times[i + 1])
+                if value * v[i] < 0.0:
+                    times, values = np.insert(times, where, vertex), np.insert(values, where, value)
+        return times, values
 
     def _looked_at(self, times: np.ndarray, edges: np.ndarray) -> np.ndarray:
         """Return the times at which functions are evaluated; a subclass may change `times`."""
@@ -285,16 +308,27 @@ def _limit(function: Callable) -> float:
     refuse("terminal", required, f"{terminal!r} of {_name(function)}")
 
 
-def bracketed_root(function: Callable[[float], float], low: float, high: float) -> float:
-    """Return a zero of a continuous function between `low` and `high`, accurate to rounding.
+def _vertex(times: np.ndarray, values: np.ndarray) -> tuple[float, float]:
+    """Return the time and the value of the vertex of a parabola through three points."""
+    (before, t, after), (a, v, b) = times.tolist(), values.tolist()
+    left, right = (v - a) / (t - before), (b - v) / (after - t)
+    bend = (right - left) / (after - before)
+    slope = left + bend * (t - before)
+    return t - 0.5 * slope / bend, v - 0.25 * slope**2 / bend
 
-    The function has different signs at these points. The method is the variant of false position by
+
+def bracketed_root(function: Callable[[float], float], low: float, high: float) -> float:
+    """Return a zero of a function between `low` and `high`, accurate to rounding.
+
+    The function has different signs at these points; that at the zero is 0 or that at `high`. The
+    method is the variant of false position by
     Anderson and Bjorck, with a bisection whenever three steps have not halved the bracket. (To
     import scipy.optimize instead would take half a second.)
     """
     f_low, f_high = function(low), function(high)
     if f_low == 0.0:
         return low
+    upward = f_high > 0.0
     width, slow = abs(high - low), 0
     least = _LEAST_BRACKET * max(abs(low), abs(high))  # for a zero near 0
     while f_high != 0.0:
@@ -313,4 +347,4 @@ def bracketed_root(function: Callable[[float], float], low: float, high: float) 
         high, f_high = x, f
         halved = abs(high - low) <= 0.5 * width
         width, slow = (abs(high - low), 0) if halved else (width, slow + 1)
-    return high
+    return high if f_high == 0.0 or (f_high > 0.0) == upward else low

@@ -9,11 +9,12 @@ Trial points of a step may be beyond the switch. There the right-hand side has t
 nearest point on the side of the march. Steps therefore meet no jump, and their polynomials cross
 the switch where the solution does.
 
-After its zero a function is disarmed until its value exceeds the error band, and then it is armed
-again. The band is the error of the value by errors of y, and on given steps at least the value at
-the step that acted. A bouncing ball would fall through the floor where the band hides a bounce. So
-slopes tell whether a change turned an event back. Such an event piles up if it leaves the band
-beyond its zero. A switch slides if on either side the solution leaves the band to the other.
+After a zero the sign of a function is that of its value, if a change led the value away from 0 by
+more than rounding. Otherwise the motion tells whether the function crosses or turns back, and it is
+disarmed until its sign is certain. Where the motion is unknown, and for switches, certain means
+beyond the errors that the tolerance allows; on given steps beyond the value at the step that acted.
+An event that turned back and leaves to the other side piles up. A switch slides if on either side
+the solution leaves to the other.
 """
 
 from __future__ import annotations
@@ -30,17 +31,20 @@ from ..compiled.functions import with_switches
 from ..equation.system import System
 from ..functions.assemble import switch_of
 from ..stepping.scheme import Scheme
-from ..stepping.status import Ending, Status
+from ..stepping.status import Ending, SolveWarning, Status
 from ..stepping.stepper import JumpingStepper, Stepper
-from ..stepping.times import together
+from ..stepping.times import ONE_TIME, together
 from ..support.checks import real, refuse, shown
+from ..support.warning import warn
 from .events import Events, value_of
 from .output import Output
 from .run import Drive
 
 # Changes by one event accumulate without end if two consecutive intervals are shorter than this
-# fraction of the longest interval.
+# fraction of the longest interval, and the second is the shorter one.
 _ACCUMULATION_RATIO = 1e-6
+# Ratio of two intervals below which the second is the shorter one. Equal ones are those of resets.
+_SHORTER = 0.999
 # Changes also accumulate if a single interval is shorter than this fraction of the longest.
 _SINGLE_ACCUMULATION_RATIO = 1e-9
 # On given steps changes also accumulate if two intervals have one step each, and the longest more
@@ -50,7 +54,7 @@ _ACCUMULATION_STEPS = 100
 # run.
 _ACCUMULATION_CHANGES = 10_000
 # Fraction of the run in which _ACCUMULATION_CHANGES changes are too many.
-_ACCUMULATION_FRACTION = 1e-3
+_ACCUMULATION_FRACTION = 0.03
 # Least length of the longest interval, as a fraction of the run.
 _LONG = 0.03
 
@@ -60,6 +64,10 @@ _NEXT = 10.0 ** np.arange(-9, 0)
 _ROUNDED_TIME = 64 * np.finfo(float).eps
 # Time for which the motion after a change is predicted, relative to the present time.
 _AHEAD = 1e-8
+# Numbers of given steps for which it is predicted where the event has no slope.
+_STEPS_AHEAD = 2.0 ** np.arange(-1, 6)
+# Rounding errors of y for which the sign of an event is uncertain, relative to |y|.
+_ROUNDING = 8 * np.finfo(float).eps
 
 
 class Hybrid:
@@ -109,7 +117,7 @@ class Hybrid:
         breaks (k,) are times at which the right-hand side jumps; `signs` are those of a state.
         """
         self._stepper, self._start, self._span = stepper, stepper.t, t_end - stepper.t
-        self._longest = [0.0 for _ in self._functions]
+        self._longest, self._crowded = [0.0 for _ in self._functions], set[int]()
         origin = stepper.system.frame.start
         known = np.append(t_end, breaks)  # which come second where they are one time
         next_change = [(nearest(t, known, origin), change) for t, change in self._timed_changes]
@@ -160,6 +168,11 @@ class Hybrid:
         if stuck in fired and stuck >= len(self._functions):
             events.take_back(stuck)
             return Ending(Status.SLIDING)
+        if not stepper.on_given_steps and any(number < len(self._functions) for number in fired):
+            # y where the zero was found, which a shorter last step may have missed by the tolerance
+            apart = np.abs(events.row - before) > _ROUNDING * np.abs(before)
+            stepper.set_y(np.where(apart, events.row, before))
+            before = stepper.y
         moved = False
         while self._due and stepper.stop_at(self._due[0][0]).t <= t:
             moved, failure = True, self._change(self._due.pop(0)[1])
@@ -198,15 +211,28 @@ class Hybrid:
             return False
         last, before = t - first, first - times[-3]
         h, size = self._events.step, max(longest, _LONG * self._span)
-        close = max(
-            _ACCUMULATION_RATIO * size, 1.5 * h if longest > _ACCUMULATION_STEPS * h > 0.0 else 0.0
-        )
         if (
             len(times) > _ACCUMULATION_CHANGES
             and t - times.pop(0) <= _ACCUMULATION_FRACTION * self._span
         ):
             return True
-        return last <= _SINGLE_ACCUMULATION_RATIO * size or max(last, before) <= close
+        if max(last, before) <= 1.5 * h:
+            if longest > _ACCUMULATION_STEPS * h:
+                return True
+            self._note_crowded(number)
+        shorter = last < _SHORTER * before and before <= _ACCUMULATION_RATIO * size
+        return shorter or last <= _SINGLE_ACCUMULATION_RATIO * size
+
+    def _note_crowded(self, number: int) -> None:
+        """Warn once of an event that changes y at one given step after the other."""
+        if number not in self._crowded:
+            self._crowded.add(number)
+            t = self._stepper.t + self._stepper.system.frame.start
+            warn(
+                f"{self._name(number)} changes y at one step after the other from t = {t:g}, "
+                "and acts once a step only; take more steps, or rtol",
+                SolveWarning,
+            )
 
     def _change(self, change: Any) -> Ending | None:
         """Set y to the value of ``change(t, y)``; return the `Ending` if that fails."""
@@ -297,39 +323,67 @@ class HybridEvents(Events):
         self._disarmed: dict[int, Disarmed] = {}
         self._armed: dict[int, float] = {}
         self._back: set[int] = set()
+        self._again: set[int] = set()
         super().__init__(functions, stepper, signs, n_events)
 
     def go_on(self, before: np.ndarray, stepper: JumpingStepper) -> None:
         """Continue from the present time, at which the components (d,) were `before` the change.
 
-        Functions with a zero here are disarmed, unless the change led them out of their band.
+        A function with a zero here is disarmed unless its sign is certain.
         """
         t, y = stepper.t, stepper.y
-        values, known, disarmed = [], [], {}
+        values, known, disarmed, self._again = [], [], {}, set()
         for number, function in enumerate(self._functions):
+            value = partial(value_of, function)
             then, now = self._seen(function, [t, t], [before, y]).tolist()
             sign = self._after[number] if now == then else 0.0
-            fired, near, back = number in self.fired, -1.0, number in self._back
-            if fired or number in self._zeroed:
-                near = uncertainty(partial(value_of, function), stepper)
-                band = max(near, abs(then))
-                if now * then > 0.0:  # the change did not take it back
-                    near = band
-            elif number in self._disarmed and self._armed.get(number, math.inf) > t:
-                near, back = self._disarmed[number].band, self._disarmed[number].back
-                band = near
-            if abs(now) <= near:
-                side = 0.0
-                if number >= self.n_events:
-                    sign = side = self._after[number]
-                elif fired:
-                    event, crossed = partial(value_of, function), self.fired[number]
-                    sign = sign_ahead(event, crossed, before, stepper)
-                    side = sign if sign == -crossed else 0.0
-                disarmed[number] = Disarmed(band, side, back)
+            kept = None if number in self._armed else self._disarmed.get(number)
+            if number in self.fired or number in self._zeroed:
+                zero = _Zero(value, before, then, now, self._after[number])
+                find = self._behind_switch if number >= self.n_events else self._behind_event
+                sign, kept = find(number, zero, stepper)
+            if kept and (self._on_given_steps or kept.hides(value, t, y, now)):
+                disarmed[number] = kept
             values.append(now)
             known.append(sign)
         self._begin(t, values, known, disarmed)
+
+    def _behind_switch(
+        self, number: int, zero: _Zero, stepper: JumpingStepper
+    ) -> tuple[float, Disarmed]:
+        """Return the sign with which a switch goes on after its zero, and how it is disarmed."""
+        band = abs(zero.then) if self._on_given_steps and zero.now * zero.then > 0.0 else 0.0
+        back = number in self._back
+        return zero.sign, Disarmed(Errors(0.0, stepper.uncertainty), band, zero.sign, back)
+
+    def _behind_event(
+        self, number: int, zero: _Zero, stepper: JumpingStepper
+    ) -> tuple[float, Disarmed | None]:
+        """Return the sign with which an event goes on after its zero, and how it is disarmed.
+
+        Its value tells the sign if the change led it away from the zero, otherwise the motion does.
+        """
+        value, t, y, now = zero.value, stepper.t, stepper.y, zero.now
+        given, moved, rounded = self._on_given_steps, abs(now - zero.then), self._errors
+        allowed = rounded._replace(of_y=np.maximum(rounded.of_y, stepper.uncertainty))
+        unmoved = moved <= spread(value, t, y, rounded)
+        hidden = is_hidden(value, t, y, now, rounded) or (
+            unmoved and is_hidden(value, t, y, now, allowed)
+        )
+        if not hidden and (not given or now * zero.sign < 0.0):
+            return float(np.sign(now)), None
+        ahead = sign_ahead(zero, stepper, self.step)
+        if not given:
+            errors = rounded if ahead else allowed
+            return ahead, Disarmed(errors, 0.0, ahead if ahead == -zero.sign else 0.0)
+        if spread(value, t, y, Errors(0.0, np.where(y == 0.0, 1.0, 2.0 * np.abs(y)))) == 0.0:
+            ahead = zero.sign  # a function of time alone
+        if ahead == zero.sign and not hidden:
+            if not unmoved and abs(now) < abs(zero.then):
+                self._again.add(number)  # led back, but by less than the step went beyond
+            return ahead, None
+        side, until = ahead if ahead == -zero.sign else 0.0, t + 2.0 * self.step * _STEPS_AHEAD[-1]
+        return ahead, Disarmed(rounded, abs(zero.then), side, until=until)
 
     def _begin(
         self,
@@ -345,7 +399,7 @@ class HybridEvents(Events):
         signs = list(after)
         for number in range(self.n_events, len(values)):
             if values[number] == 0 and not signs[number]:  # either side may be the right one
-                self._disarmed[number], signs[number] = Disarmed(0.0, 1.0, False), 1.0
+                self._disarmed[number], signs[number] = _UNDECIDED, 1.0
         super()._begin(t, values, signs)
         self.sides = self._after[self.n_events :]
 
@@ -376,11 +430,8 @@ class HybridEvents(Events):
         """Yield the zeros of a function up to the first one at which it acts."""
         kept, until = self._disarmed.get(number), 0
         if kept and number not in self._armed:
-            clear = np.flatnonzero(np.abs(values[1:]) > kept.band) + 1
-            until = int(clear[0]) if clear.size else values.size
+            until = self._hidden_until(number, kept, times, values, at)
             values[:until] = 0.0  # without signs there are no zeros
-            if clear.size:
-                self._armed[number] = float(times[until])
         self._values[number] = values[-1]
         if kept and 0 < until < values.size and kept.side * values[until] < 0.0:
             t = float(times[until - 1] if self._on_given_steps else edges[0])
@@ -390,6 +441,10 @@ class HybridEvents(Events):
             else:  # perhaps it did not cross: the other side is tried
                 self._back.add(number)
                 yield t, -kept.side
+            return
+        if number in self._again:
+            self._again.discard(number)
+            yield float(times[1]), float(np.sign(values[1]))
             return
         for t, sign in self._zeros(self._functions[number], times, values, at):
             if self._acting[number]:
@@ -409,6 +464,20 @@ class HybridEvents(Events):
             yield t, sign
             if self._acting[number]:
                 return
+
+    def _hidden_until(
+        self, number: int, kept: Disarmed, times: np.ndarray, values: np.ndarray, at: Callable
+    ) -> int:
+        """Return the index of the first of `times` after the first at which a sign is certain."""
+        value = partial(value_of, self._functions[number])
+        for i in range(1, times.size):
+            try:
+                if not kept.hides(value, times[i], at(times[i : i + 1])[0], values[i]):
+                    self._armed[number] = float(times[i])
+                    return i
+            except Exception:
+                continue
+        return times.size
 
     def _end(self, end: float, found: list[tuple[float, int, float]], edges: np.ndarray) -> float:
         """Return the time at which the march ends, by a terminal event or a function that acts."""
@@ -433,6 +502,9 @@ class HybridEvents(Events):
     def _keep(self, found: list[tuple[float, int, float]], end: float, at: Callable) -> None:
         """Store zeros up to `end`, and the signs just after it."""
         super()._keep(found, end, at)
+        dt = 2.0 * ONE_TIME * max(abs(end), abs(self._origin))
+        self.row, beside = at(np.array([end, max(end - dt, self._start)]))
+        self._errors = Errors(dt, _ROUNDING * np.abs(self.row) + np.abs(self.row - beside))
         self._zeroed = {number for t, number, _ in found if t == end}
         for number in self.fired:
             if number >= self.n_events:  # whose zero may lie at the end itself
@@ -443,64 +515,135 @@ class HybridEvents(Events):
         self._after[number] = -self.fired[number]
 
 
-class Disarmed(NamedTuple):
-    """A function that has no zeros until its value exceeds `band`.
+class _Zero(NamedTuple):
+    """A zero of an event at the present time.
 
     Attributes
     ----------
-    band : float
-        Largest |value| within the band.
-    side : float
-        Sign with which it leaves the band, 0 if either; the other sign means a return.
-    back : bool
-        Whether a switch has returned once.
+    value : callable
+        ``value(t, y)``
+    before : ndarray, shape (d,)
+        y before the change.
+    then, now : float
+        The value before and after the change.
+    sign : float
+        Sign after the zero, without the change.
     """
 
+    value: Callable[[float, np.ndarray], float]
+    before: np.ndarray
+    then: float
+    now: float
+    sign: float
+
+
+class Errors(NamedTuple):
+    """Errors of the time t, and of y at it, (d,), by which the value of an event is uncertain."""
+
+    of_t: float
+    of_y: np.ndarray
+
+
+class Disarmed(NamedTuple):
+    """A function that has no zeros until its sign is certain.
+
+    Attributes
+    ----------
+    errors : Errors
+    band : float
+        Largest |value| that is uncertain in any case, at given steps.
+    side : float
+        Sign that is expected, 0 if either is; the other sign means a return.
+    back : bool
+        Whether a switch has returned once.
+    until : float
+        Time up to which a step function may wait for its return, at given steps.
+    """
+
+    errors: Errors
     band: float
     side: float
-    back: bool
+    back: bool = False
+    until: float = math.inf
+
+    def hides(
+        self, value: Callable[[float, np.ndarray], float], t: float, y: np.ndarray, now: float
+    ) -> bool:
+        """Return whether the sign of the value `now` at time t is uncertain."""
+        waits = abs(now) == self.band and now * self.side < 0.0 and t <= self.until
+        if self.band and (abs(now) < self.band or waits):
+            return True
+        return is_hidden(value, t, y, now, self.errors)
 
 
-def uncertainty(value: Callable[[float, np.ndarray], float], stepper: JumpingStepper) -> float:
-    """Return the error of the value of an event at the present time, by errors of y."""
-    t, y = stepper.t, stepper.y
-    allowed = stepper.uncertainty
-    signs = np.ones(y.size), (-1.0) ** np.arange(y.size)
+# A switch that begins at its zero.
+_UNDECIDED = Disarmed(Errors(0.0, np.zeros(1)), 0.0, 1.0)
+
+
+def is_hidden(
+    value: Callable[[float, np.ndarray], float],
+    t: float,
+    y: np.ndarray,
+    now: float,
+    errors: Errors,
+) -> bool:
+    """Return whether an event may have another sign than that of `now`."""
+    values = [now, *(v for v in _beside(value, t, y, errors) if math.isfinite(v))]
+    return min(values) <= 0.0 <= max(values)
+
+
+def spread(
+    value: Callable[[float, np.ndarray], float], t: float, y: np.ndarray, errors: Errors
+) -> float:
+    """Return the largest difference of the values of an event by errors."""
+    values = [v for v in _beside(value, t, y, errors) if math.isfinite(v)]
+    return max(values) - min(values) if values else math.inf
+
+
+def _beside(
+    value: Callable[[float, np.ndarray], float], t: float, y: np.ndarray, errors: Errors
+) -> list[float]:
+    """Return values of an event beside (t, y); none if it is not defined there.
+
+    Components err together, or against each other.
+    """
+    together, apart = np.ones(y.size), (-1.0) ** np.arange(y.size)
+    sides = (1, together), (-1, -together), (1, apart), (-1, -apart)
     try:
         with np.errstate(all="ignore"):
-            here = value(t, y)
-            found = max(abs(value(t, y + side * allowed) - here) for side in signs)
-    except Exception:  # it is not defined beside y
-        return 0.0
-    return found if math.isfinite(found) else 0.0
+            return [value(t + k * errors.of_t, y + side * errors.of_y) for k, side in sides]
+    except Exception:
+        return []
 
 
-def sign_ahead(
-    value: Callable[[float, np.ndarray], float],
-    sign: float,
-    before: np.ndarray,
-    stepper: Stepper,
-) -> float:
+def sign_ahead(zero: _Zero, stepper: Stepper, step: float) -> float:
     """Return the sign of an event after a change of y; 0 if it is unknown.
 
     It is the sign of the slope of the event along the motion. A motion that comes to rest has
-    turned back. ``value(t, y)`` is the event. Before the change, y was `before` (d,), and
-    `sign` is that of the event after its zero.
+    turned back. A component of an order below 1 is led by the jump of its derivative. An event
+    without a slope turns back if the motion leads it back in some given steps, of length `step`.
     """
-    t, system, slopes = stepper.t, stepper.system, []
+    t, y, system, slopes = stepper.t, stepper.y, stepper.system, []
     if system.is_memory.any():
         return 0.0
-    ahead = t + _AHEAD * t
+    dt, orders = _AHEAD * t, system.highest_orders()
     try:
         with np.errstate(all="ignore"):
-            for y in (before, stepper.y):
-                then = y + (ahead - t) * system.motion(t, y, stepper.ydot)
-                slopes.append(float(np.sign(value(ahead, then) - value(t, y))))
+            start = system.motion(t, zero.before, stepper.ydot)
+            motion = system.motion(t, y, stepper.ydot)
+            for there, moved in (zero.before, start), (y, motion):
+                led = np.where(orders < 1.0, (moved - start) * dt**orders, moved * dt)
+                slope = zero.value(t + dt, there + led) - zero.value(t, there)
+                slopes.append(float(np.sign(slope)))
+            if step > 0.0 and slopes == [0.0, 0.0]:
+                later = [zero.value(t + dt, y + motion * dt) for dt in step * _STEPS_AHEAD]
+                return -zero.sign if min(zero.sign * v for v in later) < 0.0 else zero.sign
     except Exception:  # the march meets it again
         return 0.0
-    if slopes[0] == slopes[1]:
-        return sign
-    return slopes[1] or -sign if slopes[0] == sign else 0.0
+    before, after = slopes
+    if before == after:
+        return zero.sign
+    return after or -zero.sign if before in (zero.sign, 0.0) else 0.0
 
 
 def one_sided(system: System, functions: Sequence[Callable], scheme: Scheme) -> System:
