@@ -118,6 +118,38 @@ def test_every_statement_gives_the_numbers_of_dense_jacobians(name, d):
     assert np.array_equal(hd.solve(again, 1.0, 100, scheme=hd.BDF(2)).y, found.y)
 
 
+def by_time(t, y):
+    out = np.zeros_like(y)
+    out[0] = np.sin(t) * y.size
+    return out
+
+
+def by_time_in_place(t, y, dy, params):
+    dy[:] = np.sin(t) * len(y)
+
+
+def by_time_and_y(t, y):
+    return np.full_like(y, y[0]) + np.sin(t)
+
+
+def handed_on(t, y):
+    return by_time(t, y)
+
+
+@pytest.mark.parametrize("dense", [False, True])
+@pytest.mark.parametrize("rhs", [by_time, by_time_in_place, by_time_and_y, handed_on])
+def test_a_force_that_reads_no_y_leaves_the_matrix_its_entries(rhs, dense):
+    a = laplacian(D).toarray() if dense else laplacian(D)
+    eq = hd.Equation(hd.Caputo(0.8), rhs, start(D), linear=a)
+    alone = rhs in (by_time, by_time_in_place)
+    assert (eq.system.structure is not None) == alone
+    if alone:
+        found, expected = (
+            hd.solve(each, 1.0, rtol=1e-6).y for each in (eq, eq.replace(bandwidth=(0, 0)))
+        )
+        assert np.array_equal(found, expected)
+
+
 @pytest.mark.parametrize("scheme", [hd.ExplicitCaputo(), hd.Adams()], ids=repr)
 def test_explicit_steps_are_watched_as_with_dense_jacobians(scheme):
     eq = hd.Equation(hd.Caputo(0.9), reaction, start(40))

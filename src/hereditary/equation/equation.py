@@ -89,7 +89,8 @@ class Equation:
     t_start : float, optional
         Time at which y0 is given and the memory starts; 0 by default [time].
     linear : array_like or SciPy sparse matrix, shape (d, d), optional
-        Constant matrix A: the right side is ``A y + rhs(t, y)``, or A y if `rhs` is None.
+        Constant matrix A: the right side is ``A y + rhs(t, y)``, or A y if `rhs` is None. If the
+        code of `rhs` reads no value of y, but at most its size, the Jacobian has A's entries alone.
     bandwidth : (int, int), optional
         Numbers of diagonals of d rhs / d y below and above the main one. Then `jac` fills, or
         returns, shape (lower + upper + 1, d) as `scipy.linalg.solve_banded` has it,

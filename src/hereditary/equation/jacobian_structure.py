@@ -13,6 +13,7 @@ import numpy as np
 from ..compiled.functions import Functions, mapped
 from ..compiled.jacobian import COLUMNS, CONSTANTS, FEW, GROUPS, N_ENTRY_ROWS, ROWS
 from ..functions.build import Start, arity_of
+from ..functions.reads import reads_argument
 from ..support.checks import complaint, count, refuse, refuse_masked, shown
 
 # Most diagonals of a pattern that is factorised as a band, after its components are reordered. With
@@ -245,13 +246,14 @@ def jacobian_info(
     if bandwidth is not None and jac_sparsity is not None:
         remedy = "each of them states which entries may differ from 0"
         refuse("jac_sparsity", "come without bandwidth", f"bandwidth={bandwidth}", remedy)
-    matrix = None if linear is None else _linear(linear, d)
+    matrix: Any = None if linear is None else _linear(linear, d)
     rows = columns = places = None
     shape: tuple[int, ...] = (d, d)
-    if alone:
-        rows = columns = places = np.zeros(0, dtype=np.int64)
-        if isinstance(linear, np.ndarray):
-            rows = columns = places = None
+    if alone or (named == ["linear"] and jac is None and not reads_argument(rhs, 1)):
+        offsets = matrix.tocoo().row - matrix.tocoo().col
+        dense = np.ptp(np.append(offsets, 0)) > min(_WIDEST, d // 4)
+        if not (isinstance(linear, np.ndarray) and dense):
+            rows = columns = places = np.zeros(0, dtype=np.int64)
     elif bandwidth is not None:
         lower, upper = _widths(bandwidth, d)
         shape = (lower + upper + 1, d)

@@ -7,6 +7,7 @@ contents in every process and after pickling. It changes with the version of Pyt
 bytecode does.
 """
 
+import dis
 import hashlib
 import inspect
 import sys
@@ -155,6 +156,30 @@ def _key(value: Any) -> Hashable:
         copied = value.flags.forc and value.nbytes <= _COPIED_MAX
         return found if copied else (found, _Itself(value))  # not copied by numba
     return found
+
+
+# What tells of an array no more than its shape: attributes, and functions of it.
+_SHAPES = {"size", "shape", "ndim", "dtype"}
+_OF_SHAPES = {"len", "zeros_like", "ones_like", "empty_like", "full_like"}
+
+
+def reads_argument(function: Any, number: int) -> bool:
+    """Return whether a function may read values of an argument; False is certain.
+
+    Its code then never loads the argument, or only for its shape.
+    """
+    plain = getattr(function, "py_func", function)
+    if not isinstance(plain, FunctionType) or plain.__code__.co_argcount <= number:
+        return True
+    code = plain.__code__
+    name = code.co_varnames[number]
+    own = [one for one in dis.get_instructions(code) if one.opname not in ("PRECALL", "PUSH_NULL")]
+    for before, one, after in zip(own, own[1:], own[2:], strict=False):
+        names = one.argval if isinstance(one.argval, tuple) else (one.argval,)
+        of_shape = before.argval in _OF_SHAPES or after.argval in _SHAPES
+        if name in names and (len(names) > 1 or not of_shape):
+            return True
+    return name in code.co_cellvars
 
 
 def digest(*values: Any) -> str:
