@@ -452,6 +452,10 @@ RESPONSES = [
 OBSERVED = "observe must be numbers of components"
 BOUNDED = r"bounds\['alpha'\] must hold"
 FITS = [
+    *each(lambda p0: fit(p0=p0), [{"alpha": 0.9, "speed": 1.0}, {"alpha": 0.9}],
+          TypeError, r"p0 must name the arguments of model\(alpha, rate\), got names .*'rate'"),
+    (lambda: fit(p0=[0.9, 1.0]), TypeError,
+     r"p0 must be a mapping of names.* model\(alpha, rate\), got \[0.9, 1. \]; missing .*'rate'"),
     *((partial(fit, **change), BAD, words) for change, words in [
         ({"p0": {}}, "p0 must be a mapping of names to numbers"),
         ({"p0": {"alpha": np.nan, "rate": 1.0}}, "p0 must be"),

@@ -142,10 +142,15 @@ OPERATORS = [
      ValueError, r"coefficient must be a real number or have shape \(d,\)"),
     (lambda: (lambda t: t) * A, TypeError, r"coefficient must .* it cannot vary"),
     (lambda: A / 0, ValueError, "divisor must be other than 0"),
-    (lambda: A + 1, TypeError, "unsupported operand"),
-    (lambda: 1 + A, TypeError, "unsupported operand"),
-    (lambda: A - "B", TypeError, "unsupported operand"),
-    (lambda: [A] - B, TypeError, "unsupported operand"),
+    *((call, TypeError, f"summands must be terms with memory.*, got {got}.*; .* stands in rhs")
+      for call, got in [
+          (lambda: A + 1, "1"),
+          (lambda: 1.0 + A, "1.0"),
+          (lambda: 1 - (A + B), "1"),
+          (lambda: np.ones(2) + A, "array"),
+          (lambda: A - "B", "'B'"),
+          (lambda: [A] - B, r"\[Caputo"),
+      ]),
     (lambda: C(lambda t: 2.5), ValueError, "order must be a function.*got 2.5 at t = 0"),
     (lambda: C(lambda t: 0.0), ValueError, "got 0.0 at t = 0"),
     (lambda: C(lambda t: np.nan), ValueError, "order must be a function.*got nan"),
@@ -282,6 +287,8 @@ FUNCTIONS = [
      r"two write \[\[y\(0\).*memory=hd.Caputo\(1\).*\(t, y, memory\).*memory\[0, 0\]"),
     (lambda: equation(1.8, [[1.0], [0.0]], velocity),
      ValueError, r"memory=hd.Caputo\(1\).*memory\[0, 0\]"),
+    *each(lambda y0: equation(0.8, y0, lambda t, y: -math.sin(y)), [[1.0, 2.0], [[1.0, 2.0]]],
+          ValueError, r"must run at t = 0, got TypeError.*converted.*; .* write np\.sin\(y\)"),
     (lambda: equation(0.8, rhs=noisy),
      ValueError, "rhs must give equal values for equal t, y.*random numbers.*at line"),
     # functions that fitted an equation before

@@ -21,6 +21,7 @@ from ..solver.solution import Solution
 from ..solver.solve import chosen_scheme, solve
 from ..stepping.scheme import Scheme
 from ..support.checks import (
+    callable_with,
     complaint,
     component_numbers,
     function,
@@ -215,6 +216,8 @@ def fit(
     start = real_array("p0", list(p0.values()) if isinstance(p0, Mapping) else p0)
     if start.ndim != 1 or start.size == 0:
         refuse("p0", "be a mapping of names to numbers, or a flat sequence of numbers", repr(p0))
+    called = _Model(model, names, isinstance(p0, Mapping))
+    called.check(start)
     low, high = _bounds({} if bounds is None else bounds, names, start)
     series = _series(t, data, sigma)
     estimated = series[0].sigma is None
@@ -223,7 +226,6 @@ def fit(
     size = sum(int(np.isfinite(one.data).sum()) for one in series)
     if size < start.size:
         refuse("data", f"hold at least {start.size} values, one for each parameter", size)
-    called = _Model(model, names, isinstance(p0, Mapping))
     runs = _Runs(called, series, observe, _RunOptions(options), ProgressBar(progress))
     # parameters are scaled to size 1 for SciPy: its differences are relative, its tolerances at
     # bounds absolute
@@ -291,6 +293,15 @@ class _Model:
     def __call__(self, p: np.ndarray) -> Any:
         """Return what the function makes of parameters p (n,)."""
         return self.function(**self.at(p)) if self.named else self.function(p.copy())
+
+    def check(self, p: np.ndarray) -> None:
+        """Refuse parameters p (n,) with which each call would fail."""
+        required, got = "name the arguments of model", f"names {', '.join(self.names)}"
+        if self.named:
+            callable_with(self.function, required, "p0", got, **self.at(p))
+        else:
+            required = "be a mapping of names, unless one sequence is the argument of model"
+            callable_with(self.function, required, "p0", shown(p), p)
 
     def at(self, p: np.ndarray) -> dict[str, float]:
         """Return the parameters by their names."""

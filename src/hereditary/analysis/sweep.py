@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import contextlib
 import enum
-import inspect
 import itertools
 import json
 import os
@@ -27,7 +26,7 @@ from numpy.typing import ArrayLike
 from ..solver.accuracy import no_estimates
 from ..solver.elsewhere import lacking
 from ..solver.progress import Interruption, ProgressBar
-from ..support.checks import complaint, instance, refuse, refuse_masked, shown, truth
+from ..support.checks import callable_with, complaint, instance, refuse, refuse_masked, shown, truth
 from ..support.machine import cores
 from ..support.warning import warn
 from .table import COMPLETED, STATUS_LENGTH, Point, Table, table_of
@@ -125,7 +124,10 @@ def sweep(
     axes = _axes(grid)
     if truth("carry", carry) and "state" in axes:
         refuse("grid", 'name no axis "state" with carry=True', ", ".join(axes))
-    _check_arguments(function, axes, carry)
+    required, got = "have an axis for each argument of function", f"axes {', '.join(axes)}"
+    got += ', where function takes "state" too with carry=True' * carry
+    state = {"state": None} if carry else {}
+    callable_with(function, required, "grid", got, **axes, **state)
     if executor is not None:
         example = "concurrent.futures.ProcessPoolExecutor() or a Dask client.get_executor()"
         instance("executor", executor, Executor, example)
@@ -170,22 +172,6 @@ def _axis(name: Any, values: Any) -> np.ndarray:
     if np.unique(array).size < array.size:
         refuse(argument, "hold distinct values", shown(array))
     return array.astype(float) if array.dtype.kind == "f" else array
-
-
-def _check_arguments(
-    function: Callable[..., Any], axes: dict[str, np.ndarray], carry: bool
-) -> None:
-    """Refuse axes with which every call of the function would fail."""
-    try:
-        signature = inspect.signature(function)
-    except (TypeError, ValueError):  # some built-in functions have none
-        return
-    try:
-        signature.bind(**axes, **({"state": None} if carry else {}))
-    except TypeError as error:
-        required = "have an axis for each argument of function"
-        required += ', which takes "state" too with carry=True' if carry else ""
-        raise TypeError(complaint("grid", required, f"axes {', '.join(axes)}", error)) from error
 
 
 def _rows(axes: dict[str, np.ndarray], size: int) -> Iterator[dict[int, dict[str, Any]]]:

@@ -39,11 +39,8 @@ def checked_tolerance(
     Arguments that are None are taken from `state`, if one is given, or have their default. `modes`
     is the relative error of the modes.
     """
-    left_out(
-        "with Collocation, which chooses its steps",
-        n_steps=n_steps,
-        mesh=None if mesh is False else mesh,
-    )
+    by = "Collocation, which chooses its steps" if rtol is None else "rtol, which chooses the steps"
+    left_out(f"with {by}", n_steps=n_steps, mesh=None if mesh is False else mesh)
     _check_end(t_end, system)
     if state is not None:
         rtol = state.how.rtol if rtol is None else rtol

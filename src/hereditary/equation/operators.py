@@ -55,16 +55,28 @@ class Summand:
         return self
 
     def __add__(self, other: Summand) -> Terms:
-        if not isinstance(other, Summand):
-            return NotImplemented
-        return Terms([*self._terms(), *other._terms()])
+        return Terms([*self._terms(), *_summand(other)._terms()])
 
-    def __radd__(self, other: int) -> Terms:
+    def __radd__(self, other: int | Summand) -> Terms:
         # Python's sum([...]) adds the first term to 0
-        return Terms(self._terms()) if isinstance(other, int) and other == 0 else NotImplemented
+        if isinstance(other, int) and other == 0:
+            return Terms(self._terms())
+        return _summand(other) + self
 
     def __sub__(self, other: Summand) -> Terms:
-        return self + -other if isinstance(other, Summand) else NotImplemented
+        return self + -_summand(other)
+
+    def __rsub__(self, other: Summand) -> Terms:
+        return _summand(other) - self
+
+
+def _summand(other: Any) -> Summand:
+    """Return what is added to a term, or taken from it; refuse anything but terms."""
+    remedy = "what has no derivative, such as a y or a force, stands in rhs, on the right side"
+    if not isinstance(other, Summand):
+        required = "be terms with memory, such as Caputo(1) and 0.5 * Memory(kernel, 1)"
+        refuse("summands", required, repr(other), remedy, kind=TypeError)
+    return other
 
 
 class Terms(Summand):

@@ -27,7 +27,7 @@ from ..compiled.jit import F8, compiling, derived, derived_value
 from ..compiled.numba_internals import built_as_one, options_of, stated_options, without
 from ..support.checks import complaint, refuse, shown
 from ..support.warning import warn
-from .messages import compile_reason, defined, line_of, writing_complaint
+from .messages import compile_reason, defined, line_of, of_one_number, writing_complaint
 from .python_calls import warn_of_python
 from .reads import code_names, fresh, frozen_values, uncompiled
 
@@ -530,7 +530,7 @@ def _values(candidate: Candidate, arity: int, unset: float) -> tuple[np.ndarray,
         raise ValueError(
             f"{name} must run at t = {start.t:g}, got {type(error).__name__}: {error} "
             f"{line_of(error, fun)}; it was called with y = {shown(start.y)} and params = "
-            f"{shown(start.params)}{hinted()}"
+            f"{shown(start.params)}{of_one_number(error)}{hinted()}"
         ) from error
     for argument, given, left in zip(start._fields, start[:3], (y, memory, p), strict=False):
         if not np.array_equal(given, left):

@@ -32,6 +32,13 @@ def line_of(error: Exception, fun: Any) -> str:
     return f'at line {lines[-1].lineno} of {path}: "{lines[-1].line}"' if lines else ""
 
 
+def of_one_number(error: Exception) -> str:
+    """Return a remedy for an array where a number is needed, as by functions of math; else ""."""
+    if "converted to Python scalar" not in str(error):
+        return ""
+    return "; math.sin and float take one number: write np.sin(y), or math.sin(y[0])"
+
+
 def compile_reason(fun: FunctionType, error: Exception) -> str:
     """Return the reason why numba cannot compile a function: line, cause and remedy."""
     return (

@@ -159,8 +159,8 @@ def _key(value: Any) -> Hashable:
 
 
 # What tells of an array no more than its shape: attributes, and functions of it.
-_SHAPES = {"size", "shape", "ndim", "dtype"}
-_OF_SHAPES = {"len", "zeros_like", "ones_like", "empty_like", "full_like"}
+_TELLS_SHAPE = {"size", "shape", "ndim", "dtype"}
+_OF_SHAPE = {"len", "zeros_like", "ones_like", "empty_like", "full_like"}
 
 
 def reads_argument(function: Any, number: int) -> bool:
@@ -176,7 +176,7 @@ def reads_argument(function: Any, number: int) -> bool:
     own = [one for one in dis.get_instructions(code) if one.opname not in ("PRECALL", "PUSH_NULL")]
     for before, one, after in zip(own, own[1:], own[2:], strict=False):
         names = one.argval if isinstance(one.argval, tuple) else (one.argval,)
-        of_shape = before.argval in _OF_SHAPES or after.argval in _SHAPES
+        of_shape = before.argval in _OF_SHAPE or after.argval in _TELLS_SHAPE
         if name in names and (len(names) > 1 or not of_shape):
             return True
     return name in code.co_cellvars

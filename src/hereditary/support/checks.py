@@ -169,6 +169,20 @@ def function(argument: str, value: Any, call: str) -> Callable[..., Any]:
     return value
 
 
+def callable_with(
+    function: Callable[..., Any], required: str, argument: str, got: str, *values: Any, **named: Any
+) -> None:
+    """Refuse an argument that a function cannot be called with: these values, and named ones."""
+    try:
+        signature = inspect.signature(function)
+    except (TypeError, ValueError):  # some built-in functions have none
+        return
+    try:
+        signature.bind(*values, **named)
+    except TypeError as error:
+        raise TypeError(complaint(argument, f"{required}{signature}", got, error)) from error
+
+
 def mapping(argument: str, value: Any, required: str) -> Mapping[Any, Any]:
     """Return `value` if it is a mapping, or refuse it."""
     if not isinstance(value, Mapping):
