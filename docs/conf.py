@@ -37,6 +37,7 @@ exclude_patterns = [
     "joss/**",
     "made/gallery/**/*.ipynb",
     "made/gallery/**/*.py",
+    "made/scripts/**",
 ]
 suppress_warnings = ["config.cache"]  # the gallery's settings hold functions
 
@@ -73,7 +74,7 @@ html_copy_source = False
 
 # each example is run when it has changed, and ends the build where it fails
 sphinx_gallery_conf = {
-    "examples_dirs": "gallery",
+    "examples_dirs": "made/scripts",  # copies, beside which examples may write files
     "gallery_dirs": "made/gallery",
     "filename_pattern": r"/[a-z_]+\.py$",
     "abort_on_example_error": True,

@@ -2,6 +2,7 @@
 
 import ast
 import pathlib
+import shutil
 import tomllib
 
 import matplotlib
@@ -79,6 +80,8 @@ def make(docs):
     docs : pathlib.Path
     """
     made = docs / "made"
+    shutil.rmtree(made / "scripts", ignore_errors=True)
+    shutil.copytree(docs / "gallery", made / "scripts")
     written = {made / "api.md": reference()}
     written |= studies(made / "studies", docs.parent / "convergence")
     for path, text in written.items():

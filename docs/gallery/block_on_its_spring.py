@@ -79,7 +79,7 @@ first, *others = (frame.quantize(palette=palette, dither=Image.Dither.NONE) for 
 first.save("block_on_its_spring.gif", append_images=others, duration=70, loop=0)
 
 # %%
-# .. image:: /gallery/block_on_its_spring.gif
+# .. image:: /made/scripts/block_on_its_spring.gif
 #    :alt: A block on its spring beside its phase portrait, without memory and with memory
 #
 # With memory the slips have the period 4 pi of two wells. Without memory they have no such period.
