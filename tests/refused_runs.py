@@ -276,7 +276,15 @@ EVENTS = [
     *((lambda how=how: hd.maxima(
         hd.solve(equation(0.9, 0.0, lambda t, y: 1.5 - y), 5.0, **how, events=fire), 0),
        ValueError, "hold no changes by events") for how in ({"rtol": 1e-6}, {"n_steps": 500})),
+    (lambda: adapt(events=lambda t, y, memory: memory[0, 0]),
+     TypeError, r"events must .* memory= has delays alone, got <lambda>\(t, y, memory\); name"),
+    *each(lambda how: hd.solve(
+        equation(0.8, 1.0, read, memory=[C(0.4)]), 1.0, events=lambda t, y, late: late[0, 0], **how
+    ), [{"rtol": 1e-6}, {"n_steps": 10}],
+          TypeError, r"events must .*, got <lambda>\(t, y, late\); by rtol= let y\[1\] of an"),
     # switches
+    (lambda: adapt(switches=lambda t, y, memory: memory[0, 0]),
+     TypeError, r"switches must be functions switch\(t, y\), got .*; an event\(t, y, memory\)"),
     (lambda: adapt(switches=looked_up),
      TypeError, "switches must.*numba cannot compile it at line.*LOOKUP"),
     *each(lambda bad: adapt(switches=bad), [3.0, lambda t: t], TypeError, "switches"),

@@ -220,7 +220,7 @@ def layers(delays, maps, switch):
     f = [inside]
     if switch:
         one = switch_of(surface, np.array([1.0, 2.0]), START)
-        functions = with_switches(functions, [one], 2)
+        functions = with_switches(functions, [one], [1.0], 2)
         moved = f[-1]
 
         def to_the_side(t, x):

@@ -375,6 +375,52 @@ def test_a_delay_in_a_formula():
     assert repr(hd.Delay(2.0, past=[1.0, 2.0])) == "Delay(2.0, past=[1., 2.])"
 
 
+def crossing(t, y, late):
+    return late[0, 0].real
+
+
+@pytest.mark.parametrize(
+    ("how", "error"), [(TIGHT, 1e-9), ({"n_steps": 4000, "scheme": hd.BDF(2)}, 1e-4)], ids=str
+)
+@pytest.mark.parametrize("y0", [1.0, 1.0 + 0.2j])
+@pytest.mark.parametrize("tau", [0.7, lambda t: 0.7 + 0.2 * np.sin(t)])
+def test_an_event_of_the_delayed_value_is_that_of_y_a_delay_later(tau, y0, how, error):
+    eq = hd.Equation(
+        hd.Caputo(0.9), lambda t, y, z: -1.7 * z[0], y0, memory=hd.Delay(tau), t_start=2.0
+    )
+    sol = hd.solve(eq, 14.0, events=[crossing, lambda t, y: y[0].real], **how)
+    late, own = sol.t_events
+    ago = late - np.array([tau(t) if callable(tau) else tau for t in late])
+    assert late.size >= 3
+    assert np.abs(ago - own[: late.size]).max() < error
+    part = hd.solve(
+        eq, 8.0, events=crossing, **how | {"n_steps": how.get("n_steps", 0) // 2 or None}
+    )
+    rest = hd.solve(eq, 14.0, events=crossing, resume=part.state)
+    np.testing.assert_allclose(np.append(part.t_events[0], rest.t_events[0]), late, atol=error)
+
+
+def test_an_event_that_reads_a_delay_switches_a_heater():
+    """The sensor sees 0.5 one time unit late; between switches y is 2 or 0 and an exponential."""
+
+    def warm(t, y, late):
+        return late[0, 0] - 0.5
+
+    warm.change = lambda t, y: np.array([y[0], 1.0 - y[1]])
+
+    def heated(t, y, late):
+        return np.array([2.0 * y[1] - y[0], 0.0])
+
+    eq = hd.Equation(hd.Caputo(1), heated, [0.0, 1.0], memory=hd.Delay(1.0))
+    sol = hd.solve(eq, 8.0, rtol=1e-9, events=warm)
+    first = np.log(4 / 3) + 1
+    top = 2 * (1 - np.exp(-first))
+    second = first + np.log(top / 0.5) + 1
+    low = top * np.exp(first - second)
+    third = second + np.log((2 - low) / 1.5) + 1
+    assert np.abs(sol.t_events[0][:3] - [first, second, third]).max() < 1e-7
+
+
 def test_delays_beside_algebraic_rows():
     """The row without a derivative is what the other one reads late."""
     rows = np.array([1.0, 0.0]) * hd.Caputo(0.8)

@@ -18,6 +18,17 @@ def relay(t, x):
     return -np.sign(x)
 
 
+def test_an_algebraic_row_that_jumps_is_checked_on_the_side_of_the_start():
+    def heated(t, y):
+        cold = y[0] < 0.5
+        return np.array([(2.0 if cold else 0.6) - y[0], (1.0 if cold else 3.0) - y[1]])
+
+    eq = hd.Equation(np.array([1.0, 0.0]) * C(1), heated, [0.0, 1.0])
+    sol = hd.solve(eq, 2.0, rtol=1e-8, switches=lambda t, y: y[0] - 0.5)
+    assert sol.success
+    assert np.abs(sol.y[-1] - [0.6 - 0.1 * np.exp(np.log(4 / 3) - 2), 3.0]).max() < 1e-8
+
+
 def test_a_relay_of_order_2_moves_along_parabolas():
     eq = hd.Equation(C(2.0), relay, [1.0, 0.0])
     sol = hd.solve(eq, 10.0, rtol=1e-9, switches=first, events=first)

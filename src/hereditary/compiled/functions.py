@@ -317,13 +317,15 @@ def with_delays(functions: Functions, rows: Sequence[int], firsts: np.ndarray) -
     return functions._replace(delays=delays)
 
 
-def with_switches(functions: Functions, switches: Sequence[Any], n_read: int) -> Functions:
-    """Return the record of an f that is evaluated on the positive side of each switch.
+def with_switches(
+    functions: Functions, switches: Sequence[Any], sides: Sequence[float], n_read: int
+) -> Functions:
+    """Return the record of an f that is evaluated on one side of each switch, 1 or -1.
 
     The switches are compiled functions that read `n_read` components. The caller keeps them alive.
     """
     places = np.array([place_of(switch) for switch in switches], dtype=np.int64)
-    found = Switches(places, np.ones(places.size), n_read, functions.maps.sizes.size - 1)
+    found = Switches(places, np.array(sides), n_read, functions.maps.sizes.size - 1)
     return functions._replace(switches=found)
 
 

@@ -6,7 +6,6 @@ from the record of the right-hand side. The march fills it in advance (solver/de
 
 from __future__ import annotations
 
-import inspect
 from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple
 
@@ -14,7 +13,7 @@ import numpy as np
 from numpy.polynomial.chebyshev import chebvander
 
 from ..compiled.functions import N_COEFFICIENTS, Functions, with_delays
-from ..support.checks import complaint, positive, refuse, shown
+from ..support.checks import complaint, positional, positive, refuse, shown
 
 # Coefficients of a whole table, from which the number of its polynomials follows.
 _COEFFICIENTS_PER_TABLE = 20_000
@@ -67,11 +66,7 @@ class Delay:
 
 def _of_time(name: str, given: Any, remedy: str) -> None:
     """Refuse a function of more than the time."""
-    try:
-        needed = [p for p in inspect.signature(given).parameters.values() if p.default is p.empty]
-    except (TypeError, ValueError):  # a number, or a function that does not tell
-        return
-    names = [p.name for p in needed if p.kind in (p.POSITIONAL_ONLY, p.POSITIONAL_OR_KEYWORD)]
+    names = positional(given)
     if len(names) > 1:
         refuse(name, "be a function of t alone", f"{name}({', '.join(names)})", remedy, TypeError)
 

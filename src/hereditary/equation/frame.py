@@ -56,16 +56,23 @@ class Frame(NamedTuple):
             slopes = np.where(speeds >= 0, known, slopes[..., : speeds.size])
         return np.ascontiguousarray(slopes).view(complex) if self.paired else slopes
 
-    def event(self, function: Callable[..., Any]) -> Callable[..., Any]:
-        """Return an event function of the user as a function of times and components of a run."""
-        return function if self == Frame() else _Inside(function, self)
+    def event(
+        self, function: Callable[..., Any], memory: Callable[[float], np.ndarray] | None = None
+    ) -> Callable[..., Any]:
+        """Return an event function of the user as a function of times and components of a run.
+
+        ``memory(t)`` has the rows, real components of a run, that the function reads third.
+        """
+        alike = self == Frame() and memory is None
+        return function if alike else _Inside(function, self, memory)
 
 
 class _Inside:
     """An event function of the user, called with times and components of a run."""
 
-    def __init__(self, function: Callable[..., Any], frame: Frame) -> None:
+    def __init__(self, function: Callable[..., Any], frame: Frame, memory: Callable | None) -> None:
         self._function, self._frame, self.start = function, frame, frame.start
+        self._memory = memory
         for name in ("terminal", "direction", "forget"):
             if hasattr(function, name):
                 setattr(self, name, getattr(function, name))
@@ -73,5 +80,11 @@ class _Inside:
     def __repr__(self) -> str:
         return getattr(self._function, "__name__", repr(self._function))
 
+    def __getstate__(self) -> dict[str, Any]:
+        """Return what the digest of the function counts, which no run changes."""
+        return vars(self) | {"_memory": None}
+
     def __call__(self, t: float, y: np.ndarray) -> Any:
-        return self._function(t + self.start, self._frame.values(y))
+        values = self._frame.values
+        read = () if self._memory is None else (values(self._memory(t)),)
+        return self._function(t + self.start, values(y), *read)

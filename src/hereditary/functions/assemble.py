@@ -35,7 +35,7 @@ from ..compiled.jit import (
     MEMORY_RHS_SIG,
     RHS_SIG,
 )
-from ..support.checks import refuse
+from ..support.checks import positional, refuse
 from .build import Function, Start, function_of, locked
 from .python_calls import Callback, PythonFunctionWarning
 
@@ -131,6 +131,9 @@ def switch_of(switch: Any, y: np.ndarray, t: float) -> Any:
     """Check ``switch(t, y)``, which has one value, at y and t; return it compiled."""
     start = Start(y, np.zeros((0, y.size), y.dtype), np.zeros(0), t)
     required = "be functions switch(t, y) of real components that numba compiles"
+    if len(positional(switch)) == 3:
+        remedy = "an event(t, y, memory) may change a component, constant else, that rhs reads"
+        refuse("switches", "be functions switch(t, y)", repr(switch), remedy, kind=TypeError)
     if not callable(switch) or start.paired:
         got = repr(switch) if not start.paired else "complex y"
         refuse("switches", required, got, kind=TypeError)

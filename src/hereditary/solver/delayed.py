@@ -12,7 +12,7 @@ from dataclasses import replace
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.polynomial.chebyshev import chebvander
+from numpy.polynomial.chebyshev import chebval, chebvander
 
 from ..compiled.functions import N_COEFFICIENTS, Delays
 from ..equation.delay import NODES, TOUCHES, Delayed
@@ -220,6 +220,16 @@ class DelayedStepper(ResumableStepper, JumpingStepper):
                 piece = self._solved[k].piece
                 found[chosen] = piece.evaluate(times[chosen], self.system.above_one, 0)
         return found
+
+    def delayed(self, t: float) -> np.ndarray:
+        """Return what the right-hand side reads at a time of the tables: k delays, (k, d)."""
+        found = []
+        for number, n in enumerate(self._tables.n_pieces.tolist()):
+            times = self._tables.times[number, : n + 1]
+            i = min(max(int(np.searchsorted(times, t)) - 1, 0), n - 1)
+            x = (2.0 * t - times[i] - times[i + 1]) / (times[i + 1] - times[i])
+            found.append(chebval(x, self._tables.values[number, i].T))
+        return np.array(found)
 
     def _prepare(self) -> None:
         """Fill the tables from the present time to the last one whose delayed values are known."""

@@ -11,7 +11,7 @@ import numpy as np
 from ..functions.reads import digest
 from ..stepping.stepper import Stepper
 from ..stepping.times import together
-from ..support.checks import complaint, real, refuse, shown
+from ..support.checks import complaint, positional, real, refuse, shown
 
 # The smallest float above 0: with a sign it stands for 0 if only the sign of a value is known.
 TINY = 5e-324
@@ -242,6 +242,25 @@ class Events:
                 self._note(error)
                 return
             yield zero, float(signs[i + 1])
+
+
+def inner_event(stepper: Stepper, function: Callable) -> Callable:
+    """Return an event function of the user as one of times and components of a run.
+
+    A function of three arguments gets what the delays of the equation read at its time.
+    """
+    system, delayed = stepper.system, getattr(stepper, "delayed", None)
+    needed = positional(function)
+    if len(needed) != 3:
+        return system.frame.event(function)
+    if delayed is None or system.is_memory.any():
+        required = "be functions event(t, y), or event(t, y, memory) where memory= has delays alone"
+        remedy = "name them there"
+        if system.is_memory.any():
+            remedy = "by rtol= let y[1] of an algebraic row 0 = memory[0, 0] - y[1] be the memory, "
+            remedy += "with memory=np.array([1, 0]) * term, and let the event read y[1]"
+        refuse("events", required, f"{_name(function)}({', '.join(needed)})", remedy, TypeError)
+    return system.frame.event(function, delayed)
 
 
 class _Undefined(Exception):

@@ -36,7 +36,7 @@ from ..stepping.stepper import JumpingStepper, Stepper
 from ..stepping.times import ONE_TIME, together
 from ..support.checks import real, refuse, shown
 from ..support.warning import warn
-from .events import Events, value_of
+from .events import Events, inner_event, value_of
 from .output import Output
 from .run import Drive
 
@@ -129,7 +129,7 @@ class Hybrid:
         of_y = bool(self._due) or any(change is not None for change in self._changes)
         if of_y or self._switches:
             stepper.expect_jumps(of_y)
-        inside = stepper.system.frame.event
+        inside = partial(inner_event, stepper)
         functions = [*map(inside, self._functions), *map(inside, self._switches)]
         acting = [change is not None for change in self._changes] + [True] * len(self._switches)
         known = np.append(known, [t for t, _ in self._due])
@@ -655,5 +655,6 @@ def one_sided(system: System, functions: Sequence[Callable], scheme: Scheme) -> 
     n_user = len(frame.speeds) or system.n_solved
     y0 = frame.values(system.at_start[: system.n_solved])
     values = tuple(switch_of(function, y0, frame.start) for function in functions)
-    sided = with_switches(system.functions, values, n_user)
+    sides = [math.copysign(1.0, value_of(each, frame.start, y0)) for each in functions]
+    sided = with_switches(system.functions, values, sides, n_user)
     return replace(system, matrix=None, linear_alone=False, functions=sided, switches=values)

@@ -15,7 +15,7 @@ from ..given.history.history import History
 from ..stepping.scheme import Scheme
 from ..stepping.state import State
 from ..stepping.stepper import ResumableStepper
-from .events import Events
+from .events import Events, inner_event
 from .hybrid import Hybrid
 from .opening import how_to_step, open_stepper
 from .output import Kept, Output
@@ -99,7 +99,7 @@ class Problem:
         if hybrid:
             found = hybrid.open(stepper, t_end, self.breaks, signs)
         else:
-            found = Events(map(system.frame.event, self.events), stepper, signs)
+            found = Events(map(partial(inner_event, stepper), self.events), stepper, signs)
         output = Output(stepper, stop, kept, found)
         march = partial(hybrid.march, output) if hybrid else Drive.to
         solution = run(stepper, stop, self.t_end, output, progress, began, march, late)

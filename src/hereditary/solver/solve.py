@@ -128,10 +128,11 @@ def solve(
         break, because the corner remains in the memory.
     events : callable or sequence of callable, optional
         Functions ``event(t, y)`` whose zeros are located to rounding on the dense output; truth
-        values count as 1 and -1. Attributes of the function, as in SciPy's solve_ivp: `direction`,
-        and `terminal`, a number n if the run ends at the n-th zero. The attribute ``change`` is a
-        function ``change(t, y)`` that returns a new y. Its jump does not enter the memory, and rows
-        contain y before and after (docs/events.md).
+        values count as 1 and -1. ``event(t, y, memory)`` gets what delays read, as `rhs` does, if
+        `memory=` has delays alone. Attributes of the function, as in SciPy's solve_ivp:
+        `direction`, and `terminal`, a number n if the run ends at the n-th zero. The attribute
+        ``change`` is a function ``change(t, y)`` that returns a new y. Its jump does not enter the
+        memory, and rows contain y before and after (docs/events.md).
     switches : callable or sequence of callable, optional
         Functions ``switch(t, y)`` at whose changes of sign the right-hand side jumps. They are
         compiled, and their zeros are located as those of events. Steps restart there, and each step

@@ -169,6 +169,16 @@ def function(argument: str, value: Any, call: str) -> Callable[..., Any]:
     return value
 
 
+def positional(function: Any) -> list[str]:
+    """Return the names of arguments that a function needs by position; none if it tells none."""
+    try:
+        parameters = inspect.signature(function).parameters.values()
+    except (TypeError, ValueError):
+        return []
+    needed = [p for p in parameters if p.default is p.empty]
+    return [p.name for p in needed if p.kind in (p.POSITIONAL_ONLY, p.POSITIONAL_OR_KEYWORD)]
+
+
 def callable_with(
     function: Callable[..., Any], required: str, argument: str, got: str, *values: Any, **named: Any
 ) -> None:
