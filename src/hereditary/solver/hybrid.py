@@ -9,10 +9,11 @@ Trial points of a step may be beyond the switch. There the right-hand side has t
 nearest point on the side of the march. Steps therefore meet no jump, and their polynomials cross
 the switch where the solution does.
 
-After a zero the sign of a function is that of its value, if a change led the value away from 0 by
-more than rounding. Otherwise the motion tells whether the function crosses or turns back, and it is
-disarmed until its sign is certain. Where the motion is unknown, and for switches, certain means
-beyond the errors that the tolerance allows; on given steps beyond the value at the step that acted.
+After a zero the sign of a function is that of its value. This holds if a change led the value away
+from 0 by more than rounding. Otherwise the motion tells whether the function crosses or turns back,
+and it is disarmed until its sign is certain. Where the motion is unknown, and for switches, certain
+means beyond the errors that the tolerance allows. On given steps it means beyond the value at the
+step that acted.
 An event that turned back and leaves to the other side piles up. A switch slides if on either side
 the solution leaves to the other.
 """
@@ -366,7 +367,7 @@ class HybridEvents(Events):
         value, t, y, now = zero.value, stepper.t, stepper.y, zero.now
         given, moved, rounded = self._on_given_steps, abs(now - zero.then), self._errors
         allowed = rounded._replace(of_y=np.maximum(rounded.of_y, stepper.uncertainty))
-        unmoved = moved <= spread(value, t, y, rounded)
+        unmoved = moved <= _difference(value, t, y, rounded)
         hidden = is_hidden(value, t, y, now, rounded) or (
             unmoved and is_hidden(value, t, y, now, allowed)
         )
@@ -376,7 +377,7 @@ class HybridEvents(Events):
         if not given:
             errors = rounded if ahead else allowed
             return ahead, Disarmed(errors, 0.0, ahead if ahead == -zero.sign else 0.0)
-        if spread(value, t, y, Errors(0.0, np.where(y == 0.0, 1.0, 2.0 * np.abs(y)))) == 0.0:
+        if _difference(value, t, y, Errors(0.0, np.where(y == 0.0, 1.0, 2.0 * np.abs(y)))) == 0.0:
             ahead = zero.sign  # a function of time alone
         if ahead == zero.sign and not hidden:
             if not unmoved and abs(now) < abs(zero.then):
@@ -592,7 +593,7 @@ def is_hidden(
     return min(values) <= 0.0 <= max(values)
 
 
-def spread(
+def _difference(
     value: Callable[[float, np.ndarray], float], t: float, y: np.ndarray, errors: Errors
 ) -> float:
     """Return the largest difference of the values of an event by errors."""
