@@ -34,6 +34,21 @@ def test_beyond_ten_times_its_length_a_run_is_not_resumed():
         state = sol.state
 
 
+@pytest.mark.parametrize("scene", SCENES)
+def test_limits_of_steps_go_on(scene, tmp_path):
+    first = hd.solve(scene(), 1.0, rtol=1e-4, max_step=0.03, max_steps=200)
+    first.save(tmp_path / "first.npz")
+    for state in (first.state, hd.Solution.load(tmp_path / "first.npz").state):
+        rest = hd.solve(scene(), 2.0, resume=state)
+        assert np.diff(rest.t).max() <= 0.03
+        assert np.diff(hd.solve(scene(), 3.0, resume=rest.state, max_step=0.3).t).max() > 0.03
+        before = rest.stats["n_steps"]
+        with pytest.warns(hd.SolveWarning, match="max_steps"):
+            last = hd.solve(scene(), 9.9, resume=rest.state)
+        assert last.stats["n_steps"] == before + 200
+        assert hd.solve(scene(), 9.9, resume=rest.state, max_steps=1000).success
+
+
 def test_a_long_run_that_keeps_rows_alone():
     """To T = 1e6; the solution is there at the times asked for, and nothing else is kept."""
     times = np.concatenate([[0.0], np.geomspace(1e-6, 1e6, 200)])

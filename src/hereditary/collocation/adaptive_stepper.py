@@ -147,6 +147,7 @@ class AdaptiveStepper(ResumableStepper, TangentStepper, JumpingStepper):
         marched = view.system
         refuse_late(system, t_end)
         self._t_end, self._rows = t_end, _MAX_STEPS_PER_MARCH
+        self._tolerance = tolerance
         self.step_limits = StepLimits(tolerance.longest, tolerance.most)
         atol = 0.0 if tolerance.atol is None else system.frame.doubled(tolerance.atol)
         self.allowed = ErrorPolicy.of(tolerance, marched.spread(atol))
@@ -619,8 +620,8 @@ class AdaptiveStepper(ResumableStepper, TangentStepper, JumpingStepper):
 
     def state(self) -> State:
         """Return a `State` from which a later run can continue."""
-        rtol, atol, *_, of_modes = self.allowed
-        return state_of(self, self._scheme, Tolerance(rtol, atol, of_modes))
+        how = self._tolerance._replace(modes=self.allowed.of_modes)
+        return state_of(self, self._scheme, how)
 
     def restore(self, state: State, allow_change: bool = False) -> None:
         """Continue from `state`; `allow_change` admits a changed right-hand side or parameters."""

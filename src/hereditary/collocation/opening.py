@@ -46,6 +46,8 @@ def checked_tolerance(
         rtol = state.how.rtol if rtol is None else rtol
         atol = state.how.atol if atol is None else atol
         modes = state.how.modes if modes is None else modes
+        max_step = state.how.longest if max_step is None else max_step
+        max_steps = state.how.most if max_steps is None else max_steps
     interval = f"[{TOLERANCE_FLOOR:g}, 0.1]"
     remedy = "write a number such as rtol=1e-6; below 1e-12 rounding decides"
     rtol = 1e-6 if rtol is None else rtol

@@ -118,10 +118,11 @@ def solve(
     max_step : float, optional
         Longest step of `Collocation` [time]. A step may miss a force that acts for a shorter time
         than the step. If the run finds such a force, it warns. Half of the time for which the force
-        acts is a safe choice.
+        acts is a safe choice. A resumed run has the state's by default.
     max_steps : int, optional
-        Largest number of steps of `Collocation` in this call, by default one million. A run that
-        needs more ends with the status `max_steps` and can be resumed.
+        Largest number of steps of `Collocation` in this call, by default one million or, when
+        resuming, the state's number. A run that needs more ends with the status `max_steps` and can
+        be resumed.
     breaks : array_like, shape (k,), optional
         Times at which the right-hand side jumps. `Collocation` restarts its steps there. Given
         steps must include these times. On uniform steps every scheme is of first order after a
