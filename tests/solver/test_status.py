@@ -79,6 +79,25 @@ def test_blow_up_with_memory_does_not_depend_on_the_tolerance():
     assert ends[0] == pytest.approx(ends[1], abs=1e-5)
 
 
+@pytest.mark.parametrize("rtol", [1e-3, 1e-6, 1e-10])
+@pytest.mark.parametrize("turn", [0.0, 1.0])
+@pytest.mark.parametrize("order", [0.7, 1.0, 1.6])
+def test_growth_beyond_the_range_of_numbers_blows_up(order, turn, rtol):
+    """Steps end soon after 1e300, also if they are few between two events."""
+    growth = hd.Equation(
+        hd.Caputo(order),
+        lambda t, y, p: np.array([y[0] + p[0] * y[1], y[1] - p[0] * y[0]]),
+        [[1.0, 0.5], [0.0, 0.0]][: 1 + (order > 1)],
+        params=[turn],
+    )
+    for changes in ({}, {0.1: lambda t, y: y}):
+        with pytest.warns(hd.SolveWarning, match="stopped being finite"):
+            sol = hd.solve(growth, 2000.0, rtol=rtol, changes=changes)
+        assert sol.status is hd.Status.BLOWN_UP
+        assert 1e300 < np.abs(sol.y).max() < np.inf
+        assert sol.stats["n_rejected"] < sol.stats["n_steps"] / 4
+
+
 def raises_late(t, y, p):
     if t > p[0]:
         raise ValueError("no further")

@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from ..compiled.linalg import LARGEST
 from ..equation.system import System
 from ..stepping.status import NOT_FINITE, Ending, Status
 from .march import CRAWLING, JUMPING, NEWTON_FAILED
@@ -62,9 +63,11 @@ def ending(
     was rejected down to the length `rejected`. `peak` (2, d) are the largest |p| and |y| before the
     last step. Components that are rounding of others, `is_noise` (d,), do not count.
     """
+    before, now = (np.abs(last[PRIMARY : POSITION + 1, :, i]) for i in (0, -1))
+    if now.max() >= LARGEST:
+        return _BLOWN_UP
     if status == CRAWLING:
         return Ending(Status.STEP_TOO_SMALL, _CRAWLS)
-    before, now = (np.abs(last[PRIMARY : POSITION + 1, :, i]) for i in (0, -1))
     largest = np.maximum((1 + _GROWING) * before, peak)
     growing = np.any((now > largest)[:, ~is_noise]) and rejected > _WALL * h
     if status != JUMPING and growing:

@@ -14,7 +14,7 @@ import numpy as np
 from ..compiled.functions import set_force
 from ..compiled.jacobian import LEAST
 from ..compiled.jit import MAT, as_value, compiled_type, entry, inner, plug_in
-from ..compiled.linalg import clear_matrix, largest_of, put, put_cube, put_matrix
+from ..compiled.linalg import bounded, clear_matrix, largest_of, put, put_cube, put_matrix
 from ..compiled.reach import set_moved, set_reach
 from ..compiled.reference import Reference
 from .edge import solve_at_edge
@@ -281,7 +281,8 @@ def take_steps(march):
             counts.by_defect += int(by_defect)
             if solved:
                 note_errors(m, h)
-            if not t + 0.01 * control.next > t:
+            overflows = not ratio < np.inf and not (bounded(orbit.x[0]) and bounded(orbit.p[0]))
+            if overflows or not t + 0.01 * control.next > t:
                 return row, reason_of_refusal(by_defect, solved)
             continue
         counts.accepted += 1

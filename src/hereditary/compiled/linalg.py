@@ -8,6 +8,9 @@ from .callbacks import call_lapack, lapack_address
 from .jit import compiled, inner
 from .signatures import FACTORISE
 
+# Size from which a solution has blown up: above it, products with rates of 1e8 overflow.
+LARGEST = 1e300
+
 
 @inner
 def put(values, out):
@@ -190,6 +193,15 @@ def factorise_large(a, order, lapack):
 def address_of_factors(n):
     """Return the address of LAPACK's dgetrf; 0 if n unknowns take less time without LAPACK."""
     return lapack_address("dgetrf") if n >= _LAPACK else 0
+
+
+@inner
+def bounded(x):
+    """Return whether all components of x are finite and below `LARGEST` in size."""
+    for c in range(x.shape[0]):  # noqa: SIM110 (numba takes no generator here)
+        if not abs(x[c]) < LARGEST:
+            return False
+    return True
 
 
 @inner

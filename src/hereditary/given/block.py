@@ -84,15 +84,6 @@ def write_row(m, k, h, ratio):
         rows[k, c], slopes[k, c] = x[c], (u[c] + lean * d[c]) / h
 
 
-@inner
-def bounded(x):
-    """Return whether all components of x are finite and below 1e300 in size."""
-    for c in range(x.shape[0]):  # noqa: SIM110 (numba takes no generator here)
-        if not abs(x[c]) < 1e300:
-            return False
-    return True
-
-
 @entry(MAT, MAT, I8, IVEC, MAT, MARCH_MEMORY)
 def open_lag(lag, pieces, n, groups, weights, memory):
     """Set the lag of a block as `open_block` does; this function is for calls from Python."""

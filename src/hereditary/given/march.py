@@ -22,14 +22,13 @@ from collections.abc import Callable
 from typing import Any
 
 from ..compiled.jit import I8, as_value, entry
-from ..compiled.linalg import put
+from ..compiled.linalg import bounded, put
 from .block import (
     BLOWN_UP,
     NOT_SOLVED,
     RUNNING,
     begin_others,
     begin_start,
-    bounded,
     keep_jacobian,
     open_block,
     write_row,
