@@ -43,12 +43,17 @@ def pass_on(error, result):
 
     `result` is the solution of the run up to the exception.
     """
-    cause: Any = error.__cause__ if isinstance(error, PythonRaised) else None
+    cause = error.__cause__ if isinstance(error, PythonRaised) else None
     if cause is not None:
-        with suppress(Exception):  # an exception may accept no attributes
-            cause.result = result
-            cause.add_note("the run until then is the attribute `result` of this exception")
+        hand_over(cause, result)
         raise cause
+
+
+def hand_over(error: Any, result):
+    """Make the solution of a run the attribute `result` of an exception, and say so in a note."""
+    with suppress(Exception):  # an exception may accept no attributes
+        error.result = result
+        error.add_note("the run until then is the attribute `result` of this exception")
 
 
 @intrinsic

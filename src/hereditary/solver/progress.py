@@ -9,6 +9,7 @@ import threading
 import time
 from typing import Any
 
+from ..compiled.callbacks import hand_over
 from ..support.checks import truth
 
 
@@ -87,9 +88,12 @@ class Interruption:
 
     A run looks at `asked` between batches of steps. When it stops, it sets `heeded`. After
     `max_asked` times, one by default, the next Ctrl-C raises KeyboardInterrupt at once. At the end
-    of the context a Ctrl-C raises it too if `heeded` is still False: it came too late. Outside of
-    the main thread, which gets all signals, the context does nothing.
+    of the context a Ctrl-C raises it too if `heeded` is still False: it came too late. A
+    KeyboardInterrupt gets `result`, if it is set, as its attribute. Outside of the main thread,
+    which gets all signals, the context raises nothing.
     """
+
+    result: Any = None
 
     def __init__(self, max_asked: int = 1) -> None:
         self.asked, self.heeded, self._max_asked = 0, False, max_asked
@@ -104,11 +108,18 @@ class Interruption:
                 _signal.signal(signal.SIGINT, self._ask)
         return self
 
-    def __exit__(self, *exception: object) -> None:
-        if self._previous is not None:
-            _signal.signal(signal.SIGINT, self._previous)
-            if self.asked and not self.heeded:
-                signal.raise_signal(signal.SIGINT)
+    def __exit__(self, kind: object, error: BaseException | None, trace: object) -> None:
+        try:
+            if self._previous is not None:
+                _signal.signal(signal.SIGINT, self._previous)
+                if self.asked and not self.heeded:
+                    signal.raise_signal(signal.SIGINT)
+        except KeyboardInterrupt as late:
+            error = late
+            raise
+        finally:
+            if isinstance(error, KeyboardInterrupt) and self.result is not None:
+                hand_over(error, self.result)
 
     def _ask(self, number: int, frame: object) -> None:
         self.asked += 1

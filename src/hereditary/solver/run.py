@@ -97,42 +97,43 @@ def run(
         return stepper.failure or Ending(Status.EVENT)
 
     bar = ProgressBar(progress)
-    try:
-        with Interruption() as interruption:
+    with Interruption() as interruption:
+        try:
             ended = march(Drive(stepper, stop, advance, interruption, bar), stop)
-    finally:
-        bar.close()
-    diagnostics = stepper.diagnostics
-    ended = ended or Ending(reached_end(diagnostics))
-    if diagnostics.misfit and ended.status is Status.EVENT:
-        ended = Ending(Status.KERNEL_INACCURATE)
-    signs = events.signs()
-    t, y, ydot, dense = output.close(t_end)
-    seconds = {"setup_seconds": ready - began, "run_seconds": time.perf_counter() - ready}
-    system, stats, n_events = stepper.system, stepper.stats() | seconds, events.n_events
-    frame, small = system.frame, system.n_solved <= FEW and stats["history_bytes"] <= _LITTLE
+        finally:
+            bar.close()
+        diagnostics = stepper.diagnostics
+        ended = ended or Ending(reached_end(diagnostics))
+        if diagnostics.misfit and ended.status is Status.EVENT:
+            ended = Ending(Status.KERNEL_INACCURATE)
+        signs = events.signs()
+        t, y, ydot, dense = output.close(t_end)
+        seconds = {"setup_seconds": ready - began, "run_seconds": time.perf_counter() - ready}
+        system, stats, n_events = stepper.system, stepper.stats() | seconds, events.n_events
+        frame, small = system.frame, system.n_solved <= FEW and stats["history_bytes"] <= _LITTLE
 
-    def left() -> State:
-        return replace(stepper.state(), event_signs=signs)
+        def left() -> State:
+            return replace(stepper.state(), event_signs=signs)
 
-    solution = Solution(
-        t=t,
-        y=frame.values(y),
-        ydot=frame.slopes(y, ydot) if system.m == 2 or frame.speeds else None,
-        status=ended.status,
-        message=report(stepper, ended, diagnostics),
-        stats=stats,
-        # making a state takes as long as several steps: a small one is made when it is asked for,
-        # and until then the solution keeps the stepper
-        left=left if small else left(),
-        dense=dense,
-        t_events=[np.array(times) + frame.start for times in events.times[:n_events]],
-        y_events=[
-            frame.values(np.array(rows).reshape(-1, stepper.y.size))
-            for rows in events.values[:n_events]
-        ],
-        components=output.components,
-    )
+        solution = Solution(
+            t=t,
+            y=frame.values(y),
+            ydot=frame.slopes(y, ydot) if system.m == 2 or frame.speeds else None,
+            status=ended.status,
+            message=report(stepper, ended, diagnostics),
+            stats=stats,
+            # making a state takes as long as several steps: a small one is made when asked for,
+            # and until then the solution keeps the stepper
+            left=left if small else left(),
+            dense=dense,
+            t_events=[np.array(times) + frame.start for times in events.times[:n_events]],
+            y_events=[
+                frame.values(np.array(rows).reshape(-1, stepper.y.size))
+                for rows in events.values[:n_events]
+            ],
+            components=output.components,
+        )
+        interruption.result = solution
     pass_on(ended.error, solution)
     return solution
 
