@@ -1,6 +1,7 @@
 """Every run on given steps tells its true error, and any solution can be checked."""
 
 import pickle
+import signal
 import warnings
 from concurrent.futures import ThreadPoolExecutor
 
@@ -253,6 +254,75 @@ def test_steps_beyond_the_time_at_which_the_solution_ends_are_no_success_in_sile
     assert "ends at t = 1: the solution stopped being finite, which 10 steps" in seen
 
 
+def test_beyond_the_end_of_an_accurate_run_errors_are_not_unknown_in_silence():
+    """At small orders no step is short enough for a jump of the force that nobody named."""
+    rng, schemes, early = np.random.default_rng(7), [None, hd.BDF(2), hd.L1()], 0
+    for number in range(30):
+        order, n, jump = rng.uniform(0.2, 0.35), int(rng.choice([50, 200])), rng.uniform(1.0, 9.0)
+        eq = hd.Equation(
+            hd.Caputo(order), lambda t, y, p: np.where(t > p[0], p[1], 0.0) - y, 1.0,
+            params=[jump, 10.0 ** rng.uniform(0.0, 2.0)],
+        )  # fmt: skip
+        sol, seen = quietly(eq, 10.0, n, scheme=schemes[number % 3])
+        near = hd.solve(eq, 10.0, rtol=1e-8, breaks=[jump])
+        unknown = sol.stats.get("error_unknown")
+        if unknown is None:
+            continue
+        early += 1
+        assert unknown in seen[0]
+        assert "later errors are unknown" in seen[0]
+        t, y = sol.t[sol.t < jump], sol.y[sol.t < jump]
+        worst = 100 * np.abs(y - near(t)).max() / np.abs(near(t)).max()
+        told = float(seen[0].partition("errors are about ")[2].partition(" %")[0])
+        assert told == pytest.approx(worst, rel=0.1, abs=0.02)
+        with pytest.warns(hd.SolveWarning, match="ended early"):
+            found = sol.check()
+        assert found.t[-1] == t[-1]
+        assert found.ended in repr(found)
+        assert f"t = {jump:g}" in found.ended
+        assert 100 * found.largest[0] == pytest.approx(worst, rel=0.01)
+    assert early > 20
+
+
+class Pressed:
+    """The right-hand side -y; its call number `at` comes with Ctrl-C."""
+
+    calls, at = 0, 0
+
+    def __call__(self, t, y):
+        Pressed.calls += 1
+        if Pressed.calls == Pressed.at:
+            signal.raise_signal(signal.SIGINT)
+        return -y
+
+
+@pytest.mark.usefixtures("ctrl_c")
+@pytest.mark.filterwarnings("ignore::hereditary.PythonFunctionWarning")
+def test_ctrl_c_ends_a_loop_of_runs_and_keeps_the_finished_one(monkeypatch):
+    eq = hd.Equation(hd.Caputo(0.8), Pressed(), 1.0)
+    calls = []
+    for estimate in (False, True):
+        monkeypatch.setattr(Pressed, "calls", 0)
+        whole = hd.solve(eq, 5.0, 100, estimate=estimate)
+        calls.append(Pressed.calls)
+    alone, total = calls
+    reasons = set()
+    for at in range(alone // 2, total + 1, 3):
+        monkeypatch.setattr(Pressed, "calls", 0)
+        monkeypatch.setattr(Pressed, "at", at)
+        with pytest.raises(KeyboardInterrupt) as caught:
+            hd.solve(eq, 5.0, 100)
+        kept = caught.value.result
+        assert kept.success
+        np.testing.assert_array_equal(kept.y, whole.y)
+        assert kept.state.t == 5.0
+        reasons.add(kept.stats.get("error_unknown"))
+    assert "Ctrl-C ended a run to rtol=1e-4" in reasons
+    monkeypatch.setattr(Pressed, "at", Pressed.calls + 50)
+    with pytest.raises(KeyboardInterrupt):
+        whole.check()
+
+
 def turns(t, y, dy, p):
     dy[0] = p[0] * y[0] + p[1] * y[1]
     dy[1] = p[0] * y[1] - p[1] * y[0]
@@ -365,6 +435,9 @@ def test_what_cannot_be_checked_is_refused(tmp_path):
             other.check()
     with pytest.raises(ValueError, match="rtol must"):
         sol.check(rtol=2.0)
+    late, _ = quietly(hd.Equation(hd.Caputo(1), grows, 1.0), 3.0, 10, t_eval=[2.9])
+    with pytest.raises(RuntimeError, match=r"finite .* no row of this run is before that"):
+        late.check()
 
 
 def test_time_alone_is_solved_to_a_tolerance():

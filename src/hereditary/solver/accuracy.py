@@ -6,8 +6,8 @@ difference from a run to 1e-4, wherever it is above 2e-4 (convergence/estimates.
 
 from __future__ import annotations
 
+import signal
 import time
-from collections.abc import Callable
 from contextlib import AbstractContextManager
 from dataclasses import dataclass, replace
 from functools import wraps
@@ -29,6 +29,7 @@ from ..support.warning import ThreadSwitch, silence, warn
 from .opening import chooses_steps
 from .output import Kept
 from .problem import Outcome, Problem
+from .progress import Interruption
 from .solution import Solution
 
 # Tolerance of the accurate run of an estimate: ten times as much would leave errors of 1e-3, which
@@ -63,6 +64,7 @@ _UNRELATED = 0.5
 _ACCURATE = "a run to rtol=1e-4"
 _LONGER = f"{_ACCURATE} takes longer than this run; check() makes it"
 _MORE = f"{_ACCURATE} takes more than"
+_ENDS = f"{_ACCURATE} ends at"
 _LEFT_OUT = "estimate=False leaves this estimate out"
 # Number of components that the table of an `Accuracy` shows.
 _MAX_COMPONENTS_SHOWN = 20
@@ -97,6 +99,9 @@ class Accuracy:
         Tolerance of the accurate run. Relative errors below it are not known.
     n_steps : int
         Number of steps of the accurate run.
+    ended : str
+        Where and why the accurate run ended before this run, empty if it did not. Later errors are
+        unknown.
     """
 
     t: np.ndarray
@@ -104,6 +109,7 @@ class Accuracy:
     size: np.ndarray
     rtol: float
     n_steps: int
+    ended: str = ""
 
     @property
     def relative(self) -> np.ndarray:
@@ -148,7 +154,8 @@ class Accuracy:
         noise = np.flatnonzero((self.size == 0) & self.error.any(axis=0)).tolist()
         if noise:
             left_out += f"; left out as rounding of others: {', '.join(map(str, noise))}"
-        return f"{largest}\nagainst {self.n_steps} steps to rtol={self.rtol:g}{left_out}"
+        against = f"against {self.n_steps} steps to rtol={self.rtol:g}{left_out}"
+        return "\n".join([largest, against, *filter(None, [self.ended])])
 
     def __repr__(self) -> str:
         rows = [list(_HEADS), *self._cells()]
@@ -187,11 +194,18 @@ class Provenance:
     def with_error(self, run: Outcome) -> Solution:
         """Return the solution of a run with its estimated error, or the reason why it is unknown.
 
-        Warns if the error is large, and if the run is not resolved.
+        Warns if the error is large, if the accurate run ends early, and if this run is not
+        resolved. After Ctrl-C a KeyboardInterrupt has the solution as its `result`.
         """
         solution = run.solution
         if _off.value or chooses_steps(self.scheme):
             return solution
+        with Interruption() as interruption:
+            interruption.result = solution
+            interruption.result = solution = self._estimated(solution)
+        return solution
+
+    def _estimated(self, solution: Solution) -> Solution:
         if not solution.success:
             return _with_no_estimate(solution, "the run has no success, as its message says")
         n = self._steps(solution)
@@ -201,12 +215,10 @@ class Provenance:
             return _with_no_estimate(solution, found)
         accuracy = self._compared(solution, found, _RTOL)
         unknown = self._lacking(found, most)
-        if found.solution.status is Status.BLOWN_UP:
-            warn(f"{unknown}, which {n} steps of {self.scheme!r} pass over", SolveWarning)
-        elif accuracy.t.size == 0:
-            unknown = unknown or "every row is at a jump of y"
-        elif not found.stepper.diagnostics.missed:
+        if not found.stepper.diagnostics.missed:
             _warn(accuracy, f"{n} steps of {self.scheme!r}", unknown)
+        if accuracy.t.size == 0:
+            unknown = unknown or "every row is at a jump of y"
         if unknown:
             return _with_no_estimate(solution, unknown)
         solution.stats["error_estimate"] = max(float(accuracy.largest.max()), _RTOL)
@@ -234,7 +246,9 @@ class Provenance:
                 how: Any = {"rtol": _RTOL, "max_steps": most, "late": late}
                 # an event may have ended the run; another run may resume it
                 horizon = self.problem.t_end - self.problem.system.frame.start
-                return self._accurate(solution, Collocation(horizon=horizon), **how)
+                found = self._accurate(solution, Collocation(horizon=horizon), **how)
+            asked = found.solution.status is Status.INTERRUPTED and not late.over
+            return f"Ctrl-C ended {_ACCURATE}" if asked else found
         except Exception as error:  # of arguments that Collocation refuses, or of user's functions
             refused = str(error).partition("; ")[0]  # without the remedy, which is for another run
             return f"{_ACCURATE} is not possible: {refused}"
@@ -257,7 +271,7 @@ class Provenance:
                 return f"{_MORE} {most} steps"
             return _LONGER
         t = stepper.t + self.problem.system.frame.start
-        return f"{_ACCURATE} ends at t = {t:g}: {other.status.sentence}"
+        return f"{_ENDS} t = {t:g}: {other.status.sentence}"
 
     def check(self, solution: Solution, rtol: float | None) -> Accuracy:
         """Return the errors of a solution against an accurate run, as `Solution.check` does."""
@@ -279,16 +293,21 @@ class Provenance:
         rtol = rtol or _CHECK_RTOL
         with silence():
             found = self._accurate(solution, scheme, rtol=rtol, atol=atol)
-        if not found.solution.success:
-            raise RuntimeError(f"the run to rtol={rtol:g}: {found.solution.message}")
-        return self._compared(solution, found, rtol)
+        accuracy, other = self._compared(solution, found, rtol), found.solution
+        if other.success:
+            return accuracy
+        ended = f"the run to rtol={rtol:g} ended early: {other.message}"
+        if not (accuracy.t[-1:] > self.problem.system.frame.start).any():
+            raise RuntimeError(f"{ended}; no row of this run is before that")
+        warn(f"{ended}; errors after it are unknown", SolveWarning)
+        return replace(accuracy, ended=ended)
 
     def _accurate(
         self,
         solution: Solution,
         scheme: Scheme,
         *,
-        late: Callable[[ResumableStepper], bool] | None = None,
+        late: _Patience | None = None,
         **steps: Any,
     ) -> Outcome:
         """Solve the problem of a solution by a tolerance, with rows at the times to compare."""
@@ -300,7 +319,10 @@ class Provenance:
         if state is not None:
             t = t[t >= state.t + problem.system.frame.start]
         how: Any = {"resume": state, "allow_change": self.allow_change, "late": late}
-        return problem.solved(scheme, Kept(1, t, self.components), **how, **steps)
+        found = problem.solved(scheme, Kept(1, t, self.components), **how, **steps)
+        if found.solution.status is Status.INTERRUPTED and not (late and late.over):
+            signal.raise_signal(signal.SIGINT)  # a loop of runs ends here
+        return found
 
     def _compared(self, solution: Solution, found: Outcome, rtol: float) -> Accuracy:
         """Return the differences of a solution from an accurate run, up to where that ends."""
@@ -351,14 +373,15 @@ class _Patience:
     """
 
     def __init__(self, seconds: float) -> None:
-        self._seconds, self._until = seconds, np.inf
+        self._seconds, self._until, self.over = seconds, np.inf, False
 
     def __call__(self, stepper: ResumableStepper) -> bool:
         """Return whether the run is late."""
         now = time.thread_time()
         if self._until == np.inf:
             self._until = now + self._seconds
-        return now > self._until
+        self.over = now > self._until
+        return self.over
 
 
 def _with_no_estimate(solution: Solution, why: str) -> Solution:
@@ -368,22 +391,28 @@ def _with_no_estimate(solution: Solution, why: str) -> Solution:
 
 
 def _warn(accuracy: Accuracy, steps: str, unknown: str) -> None:
-    """Warn of large errors, and if an accurate run takes many steps.
+    """Warn of large errors, and if an accurate run takes many steps or ends early.
 
     `unknown` says why that run has not reached the end; it is empty if it has.
     """
-    largest = float(accuracy.largest.max())
-    if not (largest > _MAX_ERROR_WITHOUT_WARNING or unknown.startswith(_MORE)):
+    largest, errors = float(accuracy.largest.max()), ""
+    ended, more = unknown.startswith(_ENDS), unknown.startswith(_MORE)
+    if not (largest > _MAX_ERROR_WITHOUT_WARNING or ended or more):
         return
-    last, end = 100 * float(accuracy.at_end.max()), accuracy.t[-1]
-    end = f"at t = {end:.4g}, where that run ends" if unknown else "at the end"
-    errors = (
-        f"errors are about {100 * largest:.2g} % of the solution's size at t = "
-        f"{accuracy.worst[0]:.4g}, and {last:.2g} % {end}"
-    )
-    if unknown.startswith(_MORE):
-        text = f"{unknown}, so {steps} hardly resolve the solution"
-        text += f": {errors}" if accuracy.t.size > 1 else ""
+    if accuracy.t.size > (ended or more):  # the first row may have no error
+        last, end = 100 * float(accuracy.at_end.max()), accuracy.t[-1]
+        end = f"at t = {end:.4g}, where that run ends" if unknown else "at the end"
+        errors = (
+            f"errors are about {100 * largest:.2g} % of the solution's size at t = "
+            f"{accuracy.worst[0]:.4g}, and {last:.2g} % {end}"
+        )
+    if ended:
+        text = f"{unknown}, which {steps} pass over; {errors}{errors and '; '}later errors are "
+        text += "unknown: name times of jumps in breaks, or compare with twice the steps"
+        warn(f"{text}; {_LEFT_OUT}", SolveWarning)
+        return
+    if more:
+        text = f"{unknown}, so {steps} hardly resolve the solution{errors and ': '}{errors}"
     elif largest > _UNRELATED:
         text = (
             f"{steps} differ from {_ACCURATE} by the size of the solution: they do not resolve it, "

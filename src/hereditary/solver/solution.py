@@ -173,6 +173,7 @@ class Solution:
         Returns
         -------
         Accuracy
+            Errors up to the end of the run, or of the accurate run if that ends earlier.
 
         Raises
         ------
@@ -180,7 +181,13 @@ class Solution:
             The run was resumed, is a map, or comes from a file. Or `Collocation` refuses its
             equation.
         RuntimeError
-            The accurate run ended early: its message.
+            The accurate run ended before the first row after the start.
+
+        Warns
+        -----
+        SolveWarning
+            The accurate run ended early. The errors are those up to its end, and `Accuracy.ended`
+            says why it ended.
 
         Cost
         ----

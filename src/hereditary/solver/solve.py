@@ -180,7 +180,8 @@ def solve(
     TypeError, ValueError
         An argument is not as required; nothing has been run.
     KeyboardInterrupt
-        Ctrl-C came when the run had just reached its end.
+        Ctrl-C came when the run had just reached its end, or during the estimate of its error. The
+        finished run is the attribute `result` of the exception.
 
     Warns
     -----
