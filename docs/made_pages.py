@@ -50,7 +50,7 @@ TASKS = {
     " fit_exponentials ExponentialSum",
     "Memory of large systems": "memory_term MemoryTerm",
     "Many runs": "ensemble Ensemble sweep Table",
-    "Fit data": "fit FitResult sensitivities Sensitivities",
+    "Fit data": "fit FitResult Estimates sensitivities Sensitivities",
     "Frequencies": "frequency_response FrequencyResponse power_spectrum PowerSpectrum",
     "Chaos": "lyapunov LyapunovResult zero_one_test ZeroOneResult maxima stroboscopic Section"
     " classify Regime RegimeVerdict",

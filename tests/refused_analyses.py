@@ -151,7 +151,7 @@ KERNELS = [
     (lambda: MittagLeffler(0.5, math.nan), ValueError, "rate must be a finite number above 0"),
     (lambda: StretchedExponential(0.5, 0.0), ValueError, "rate must be .* above 0, got 0.0"),
     (lambda: StretchedExponential("b", 1.0), TypeError, "exponent must"),
-    (lambda: Prony([-1.0], [1.0]), ValueError, "rates must not be negative"),
+    (lambda: Prony([-1.0], [1.0]), ValueError, r"rates must not be negative.*signed=True"),
     (lambda: Prony([1.0], [-1.0]), ValueError, "weights must be positive"),
     (lambda: Prony([1 + 2j], [1.0]), ValueError, "rates and weights must be complex in conjugate"),
     (lambda: Prony([1 + 2j, 1 - 2j], [1j, 1j]), ValueError, "must be complex in conjugate pairs"),

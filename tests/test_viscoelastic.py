@@ -316,6 +316,68 @@ def test_fits_of_responses(name, response):
     assert np.array_equal(found.model.relaxation(t), model(**found.parameters).relaxation(t))
 
 
+@settings(deadline=None, max_examples=12)
+@given(MODELS, st.floats(-3.0, 3.0), st.sampled_from(["relaxation", "creep"]))
+def test_many_rows_are_polynomials_through_few(model, decade, response):
+    """They differ from inverse transforms by rounding of the mean from 0 to t."""
+    t = np.geomspace(1.0, 40.0, 700) * 10**decade
+    calls = []
+
+    class Counted(ve.Model):
+        def _split(self, s):
+            calls.append(s.size)
+            return model._split(s)
+
+    known, mean = getattr(model, response)(t), np.abs(model.stiffness(1 / t))
+    size = mean if response == "relaxation" else known
+    (found,) = ve._curve(response, Counted(), t)
+    assert sum(calls) < 200 * 54
+    assert np.all(np.abs(found - known) <= 1e-11 * size.max())
+
+
+def test_an_order_at_its_bound_is_told():
+    t, noise = np.linspace(0.1, 5.0, 60), np.random.default_rng(3).normal(size=(2, 60))
+    true = ve.maxwell(spring(2.0), dashpot(3.0))
+    measured = np.array(true.moduli(t)) * np.exp(0.01 * noise)
+    guess = {"g": 1.0, "v": 1.0, "a": 0.7}
+    found = ve.fit_moduli(
+        lambda g, v, a: ve.maxwell(spring(g), SpringPot(v, a)),
+        t,
+        *measured,
+        guess,
+        bounds={"a": (0, 0.9)},
+    )
+    assert found.at_bound == ["a"]
+    assert "At a bound: a." in found.message
+    assert "a = 0.9 (at a bound)" in repr(found)
+    assert len(repr(found)) < 250
+    assert "nan" not in repr(found)
+    assert np.isnan(found.intervals()["a"]).all()
+    assert np.isnan(found.correlation[2, :2]).all()
+
+
+def test_confidence_intervals_hold_true_values_as_often_as_they_say():
+    """The bounds are four standard deviations of the binomial law, of correlated pairs."""
+    true, t, rng = (
+        {"modulus": 2.0, "order": 0.4},
+        np.geomspace(0.1, 10.0, 6),
+        np.random.default_rng(5),
+    )
+    data, held = SpringPot(**true).relaxation(t), 0
+    for _ in range(100):
+        drawn = data * np.exp(0.02 * rng.normal(size=t.size))
+        found = ve.fit_relaxation(SpringPot, t, drawn, {"modulus": 1.0, "order": 0.5})
+        for name, (low, high) in found.intervals(0.8).items():
+            held += low <= true[name] <= high
+    assert 200 * 0.8 - 33 < held < 200 * 0.8 + 33
+    assert found.freedom == 4
+    spread = np.sqrt(np.diag(found.covariance))
+    assert spread == pytest.approx(list(found.standard_errors.values()))
+    assert np.diag(found.correlation) == pytest.approx([1.0, 1.0])
+    with pytest.raises(ValueError, match="confidence must lie in"):
+        found.intervals(1.0)
+
+
 def test_parameters_that_data_do_not_determine_have_no_errors():
     """A spring in parallel with another changes the sum alone."""
 

@@ -75,7 +75,7 @@ from .solver.accuracy import Accuracy
 from .solver.solution import Solution
 from .solver.solve import solve
 from .stepping.status import SolveWarning, StabilityWarning, Status
-from .support.covariance import IdentifiabilityWarning
+from .support.covariance import Estimates, IdentifiabilityWarning
 
 __version__ = importlib.metadata.version("hereditary")
 
@@ -96,6 +96,7 @@ __all__ = [
     "DistributedOrder",
     "Ensemble",
     "Equation",
+    "Estimates",
     "ExplicitCaputo",
     "ExponentialSum",
     "FitResult",

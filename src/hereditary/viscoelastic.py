@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import reprlib
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import cached_property, partial
 
 import numpy as np
@@ -18,7 +18,7 @@ from numpy.typing import ArrayLike
 
 from .equation.equation import Equation
 from .equation.operators import Caputo, Memory, Summand, Terms
-from .kernels.laplace import inverted, kernel_from_laplace
+from .kernels.laplace import BINADE_DEGREE, by_polynomials, inverted, kernel_from_laplace
 from .kernels.memory_kernel import Prony
 from .support.checks import (
     complaint,
@@ -32,7 +32,7 @@ from .support.checks import (
     shown,
     within,
 )
-from .support.covariance import covariance_of
+from .support.covariance import Estimates, covariance_of, estimates_of
 
 __all__ = [
     "Combined",
@@ -318,29 +318,20 @@ def burgers(first: Model, second: Model, third: Model, fourth: Model) -> Model:
     return series(first, second, parallel(third, fourth))
 
 
-@dataclass(frozen=True, eq=False)
-class ModelFit:
-    """Parameters of a model that fit measured moduli, relaxation or creep best.
+@dataclass(frozen=True, eq=False, repr=False)
+class ModelFit(Estimates):
+    """Parameters of a model that fit moduli, relaxation or creep best; see `Estimates`, and these.
 
     Attributes
     ----------
-    parameters, standard_errors : dict
-        By name; errors by the linear theory of least squares, NaN at a bound and for a parameter
-        that the data do not determine. `hereditary.IdentifiabilityWarning` names the latter.
     model : Model
         The model with these parameters.
     residuals : ndarray, shape (n,), or (2, n) for G' and G''
         ``log(model / data)``.
-    success : bool
-    message : str
     """
 
-    parameters: dict[str, float]
-    standard_errors: dict[str, float]
     model: Model
-    residuals: np.ndarray = field(repr=False)
-    success: bool
-    message: str
+    residuals: np.ndarray
 
 
 # The name of a time when moduli alone were fitted.
@@ -410,7 +401,7 @@ def fit_relaxation(
     {'modulus': 2.0, 'order': 0.4}
     """
     measured = {"relaxation": relaxation}
-    return _fitted(model, "t", t, measured, lambda made, t: [made.relaxation(t)], p0, bounds)
+    return _fitted(model, "t", t, measured, partial(_curve, "relaxation"), p0, bounds)
 
 
 def fit_creep(
@@ -436,7 +427,15 @@ def fit_creep(
     -------
     ModelFit
     """
-    return _fitted(model, "t", t, {"creep": creep}, lambda made, t: [made.creep(t)], p0, bounds)
+    measured = {"creep": creep}
+    return _fitted(model, "t", t, measured, partial(_curve, "creep"), p0, bounds)
+
+
+def _curve(response: str, made: Model, t: np.ndarray) -> list[np.ndarray]:
+    """Return a response at times (n,), by polynomials if these need fewer inverse transforms."""
+    values_at = getattr(made, response)
+    few = BINADE_DEGREE * np.unique(np.frexp(t)[1]).size < t.size
+    return [by_polynomials(values_at, t, {}) if few else values_at(t)]
 
 
 def _fitted(
@@ -481,14 +480,13 @@ def _fitted(
     found = least_squares(residuals, start, bounds=tuple(limits), x_scale=start)
     sizes, at_bound = np.maximum(found.x, start), found.active_mask != 0
     covariance, _ = covariance_of(found, sizes, at_bound, True, names)
-    errors = np.sqrt(np.diag(covariance))
     return ModelFit(
-        parameters=dict(zip(names, found.x.tolist(), strict=True)),
-        standard_errors=dict(zip(names, errors.tolist(), strict=True)),
+        **estimates_of(names, found.x, covariance, at_bound, found.message),
+        freedom=float(data.size - np.sum(~at_bound)),
+        cost=float(found.cost),
+        success=bool(found.success),
         model=made(found.x),
         residuals=found.fun.reshape(data.shape if len(data) > 1 else -1),
-        success=bool(found.success),
-        message=found.message,
     )
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import reprlib
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, NamedTuple
 
@@ -31,7 +31,7 @@ from ..support.checks import (
     refuse,
     shown,
 )
-from ..support.covariance import covariance_of
+from ..support.covariance import Estimates, covariance_of, estimates_of
 from ..support.warning import silence
 from .sensitivity import obstacle, sensitivities
 
@@ -63,30 +63,19 @@ class Series(NamedTuple):
     sigma: np.ndarray | None
 
 
-@dataclass(frozen=True, eq=False)
-class FitResult:
-    """Parameters that fit data best, and how well they are known.
+@dataclass(frozen=True, eq=False, repr=False)
+class FitResult(Estimates):
+    """Parameters that fit data best; it has the attributes of `Estimates`, and these.
 
     Attributes
     ----------
-    parameters, standard_errors : dict
-        By name, m of them. Errors are by the linear theory of least squares; NaN at a bound, and if
-        the data do not determine the parameter.
-    covariance, correlation : ndarray, shape (m, m)
-        In the order of `parameters`; NaN if the standard error is NaN.
     residuals : list of ndarray, shape (n, k)
         Model minus data of each series, in units of the data; NaN where data are missing.
-    cost : float
-        Half the sum of squares of residuals over sigma.
     singular_values : ndarray
         Of the derivatives of residuals by parameters that are at no bound, columns of length 1. It
         is 0 for a combination that the data do not determine.
     solutions : list of Solution
         Of each series, with the best parameters.
-    success : bool
-        Whether the optimiser converged to parameters with which all runs complete.
-    message : str
-        The optimiser's reason to stop; or why a run with these parameters failed.
     n_runs : int
         Sets of runs, one run for each series; a run with sensitivities counts once.
     series : list of Series
@@ -95,26 +84,12 @@ class FitResult:
         Times (m,) and values (m, k) of the best model for each series, also between the data.
     """
 
-    parameters: dict[str, float]
-    standard_errors: dict[str, float]
-    covariance: np.ndarray = field(repr=False)
-    correlation: np.ndarray = field(repr=False)
-    residuals: list[np.ndarray] = field(repr=False)
-    cost: float
-    singular_values: np.ndarray = field(repr=False)
-    solutions: list[Solution] = field(repr=False)
-    success: bool
-    message: str
+    residuals: list[np.ndarray]
+    singular_values: np.ndarray
+    solutions: list[Solution]
     n_runs: int
-    series: list[Series] = field(repr=False)
-    curves: list[tuple[np.ndarray, np.ndarray]] = field(repr=False)
-
-    def __repr__(self) -> str:
-        estimates = (
-            f"{name} = {value:.6g} +- {self.standard_errors[name]:.2g}"
-            for name, value in self.parameters.items()
-        )
-        return f"FitResult({', '.join(estimates)}; cost {self.cost:.4g}; {self.message})"
+    series: list[Series]
+    curves: list[tuple[np.ndarray, np.ndarray]]
 
 
 def fit(
@@ -259,23 +234,16 @@ def fit(
     sizes = np.maximum(np.abs(best) / scale, 1.0)
     covariance, singular = covariance_of(found, sizes, at_bound, estimated, completed and names)
     covariance *= np.outer(scale, scale) if completed else np.nan
-    errors = np.sqrt(np.diag(covariance))
-    with np.errstate(invalid="ignore", divide="ignore"):
-        correlation = covariance / np.outer(errors, errors)
-    held = ", ".join(np.array(names)[at_bound])
     ends = (f"the run with these parameters failed: {sol.message}" for sol in solutions)
     failed = next((end for end, sol in zip(ends, solutions, strict=True) if not sol.success), "")
     return FitResult(
-        parameters=dict(zip(names, best.tolist(), strict=True)),
-        standard_errors=dict(zip(names, errors.tolist(), strict=True)),
-        covariance=covariance,
-        correlation=correlation,
+        **estimates_of(names, best, covariance, at_bound, failed or found.message),
+        freedom=float(size - np.sum(~at_bound)) if estimated else np.inf,
         residuals=runs.lacking([sol.y for sol in solutions]),
         cost=float(found.cost) * runs.unit**2,
         singular_values=singular,
         solutions=solutions,
         success=bool(found.success) and completed,
-        message=failed or found.message + (f" At a bound: {held}." if held else ""),
         n_runs=runs.count,
         series=series,
         curves=runs.curves(equations, solutions),

@@ -16,6 +16,7 @@ from typing import Any
 
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
+from scipy.linalg import qr, solve_triangular
 
 from ..support.checks import complaint, refuse
 from .exponential_sum import trapezoid_step
@@ -389,9 +390,9 @@ def closest_signed(
     samples = _sampled(kernel, t_min, t_max, tol, end)
     best, closest = math.inf, (np.zeros(0), np.zeros(0))
     for rates in _rates_of_signed(kernel, samples.t[-1], end, t_min, tol, fading):
-        for error, *sums in _signed_sums(samples, rates, best):
+        for error, used, weights in _signed_sums(samples, rates, best):
             if error < best:
-                best, closest = error, sums
+                best, closest = error, (used, weights)
         if best <= tol:
             break
     return *_scaled(*_with_pairs(*closest), t_min), t_min, t_max, best
@@ -451,10 +452,8 @@ def _signed_sums(
     """Yield errors, rates (n,), and weights (n,) of their columns, with more and more columns.
 
     A QR decomposition with pivoting on few samples orders the columns. Their weights are those of
-    least squares on more samples. Nothing comes if the error at the few samples is not below `best`.
+    least squares on more samples. Nothing comes if the few samples already err by `best`.
     """
-    from scipy.linalg import qr, solve_triangular
-
     fitted = samples.every(_FITTED)
     rates, table, _ = _unit_columns(fitted, rates)
     q, r, order = qr(table, mode="economic", pivoting=True, check_finite=False)

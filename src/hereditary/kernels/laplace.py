@@ -46,9 +46,9 @@ _TIMES_OF_ROUNDING = 10.0 ** np.arange(-290, 291)
 _EXPONENT_DECIMALS = 4
 # Values of completely monotone kernels between a power of two and the next one are a polynomial: it
 # converges like 5.8**-n, for K is analytic and bounded to the right of each positive time.
-_BINADE_DEGREE = 20
-_BINADE_POINTS = np.cos(np.pi * (np.arange(_BINADE_DEGREE) + 0.5) / _BINADE_DEGREE)
-_OF_VALUES = np.linalg.inv(chebyshev.chebvander(_BINADE_POINTS, _BINADE_DEGREE - 1)).T
+BINADE_DEGREE = 20
+_BINADE_POINTS = np.cos(np.pi * (np.arange(BINADE_DEGREE) + 0.5) / BINADE_DEGREE)
+_OF_VALUES = np.linalg.inv(chebyshev.chebvander(_BINADE_POINTS, BINADE_DEGREE - 1)).T
 # Most times that are inverted at once. Complex numbers for all nodes then take 17 MB.
 _MAX_TIMES_AT_ONCE = 20_000
 
@@ -75,6 +75,24 @@ def inverted(transform: Callable, t: ArrayLike, scale: float = _SCALE) -> np.nda
     parts = np.array_split(times, 1 + times.size // _MAX_TIMES_AT_ONCE)
     values = [transform(scale * ZETA / part) @ shape * scale / part[:, 0] for part in parts]
     return np.concatenate(values).real.reshape(t.shape)
+
+
+def by_polynomials(
+    function: Callable, t: np.ndarray, polynomials: dict[int, np.ndarray]
+) -> np.ndarray:
+    """Return values (n,) of a completely monotone function by polynomials between powers of two.
+
+    `polynomials` holds those that are known, and gets the new ones.
+    """
+    fractions, exponents = np.frexp(t)  # in [1/2, 1)
+    used, places = np.unique(exponents, return_inverse=True)
+    new = [e for e in used.tolist() if e not in polynomials]
+    if new:
+        times = np.ldexp((_BINADE_POINTS + 3) / 4, np.reshape(new, (-1, 1)))
+        values = function(times.ravel()).reshape(times.shape)
+        polynomials |= dict(zip(new, values @ _OF_VALUES, strict=True))
+    series = np.reshape([polynomials[e] for e in used.tolist()], (-1, BINADE_DEGREE))
+    return chebyshev.chebval(4 * fractions - 3, series[places].T, tensor=False)
 
 
 def _rung(t: float | np.ndarray) -> np.ndarray | np.intp:
@@ -145,20 +163,12 @@ class LaplaceKernel(Kernel):
     def _at(self, t: np.ndarray) -> np.ndarray:
         """Return values at times of shape (n,), by polynomials unless K is signed."""
         later = np.maximum(t, self._first)
-        values = self._inverted(later) if self._signed else self._interpolated(later)
+        values = (
+            self._inverted(later)
+            if self._signed
+            else by_polynomials(self._inverted, later, self._polynomials)
+        )
         return values if self._first == 0.0 else values * (later / t) ** self._exponent
-
-    def _interpolated(self, t: np.ndarray) -> np.ndarray:
-        """Return values at times of shape (n,) by polynomials between powers of two."""
-        fractions, exponents = np.frexp(t)  # in [1/2, 1)
-        used, places = np.unique(exponents, return_inverse=True)
-        new = [e for e in used.tolist() if e not in self._polynomials]
-        if new:
-            times = np.ldexp((_BINADE_POINTS + 3) / 4, np.reshape(new, (-1, 1)))
-            values = self._inverted(times.ravel()).reshape(times.shape)
-            self._polynomials |= dict(zip(new, values @ _OF_VALUES, strict=True))
-        series = np.reshape([self._polynomials[e] for e in used.tolist()], (-1, _BINADE_DEGREE))
-        return chebyshev.chebval(4 * fractions - 3, series[places].T, tensor=False)
 
     def _inverted(self, t: np.ndarray) -> np.ndarray:
         """Return values at times of shape (n,), and check some of them by a second inversion."""

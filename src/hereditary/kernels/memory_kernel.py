@@ -259,7 +259,8 @@ class Prony(_Exponentials):
             turns, phases = matching("rates", np.imag(rates), "weights", np.imag(weights))
             rate, weight = rate + 1j * turns, weight + 1j * phases
         if np.any(rate.real < 0):
-            refuse("rates", "not be negative", rate.tolist())
+            remedy = "pass a function that grows as hereditary.Kernel(function, signed=True)"
+            refuse("rates", "not be negative", rate.tolist(), remedy)
         own, index = np.unique(rate, return_inverse=True)
         masses = np.zeros(own.size, dtype=weight.dtype)
         np.add.at(masses, index, weight)

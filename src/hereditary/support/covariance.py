@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Any, Literal
 
 import numpy as np
+from scipy.special import stdtrit
 
+from .checks import within
 from .warning import warn
 
 # Ratio of singular values below which data do not determine a combination of parameters.
@@ -52,3 +55,95 @@ def covariance_of(
     covariance = np.full((scale.size, scale.size), np.nan)
     covariance[np.ix_(free, free)] = spread
     return covariance, singular
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Estimates:
+    """Parameters that least squares found, m of them, and how well they are known.
+
+    Attributes
+    ----------
+    parameters, standard_errors : dict
+        By name. Errors are by the linear theory of least squares. They are NaN at a bound, and if
+        the data do not determine the parameter. `hereditary.IdentifiabilityWarning` names the
+        latter.
+    covariance, correlation : ndarray, shape (m, m)
+        In the order of `parameters`; NaN if the standard error is NaN.
+    at_bound : list of str
+        Names of parameters at a bound.
+    freedom : float
+        Number of data less that of free parameters; infinite if deviations of the data are given.
+    cost : float
+        Half the sum of squares of residuals, over sigma if it is given.
+    success : bool
+        Whether the optimiser converged, and all runs with these parameters complete.
+    message : str
+        The optimiser's reason to stop, or why a run failed, and the parameters at a bound.
+    """
+
+    parameters: dict[str, float]
+    standard_errors: dict[str, float]
+    covariance: np.ndarray
+    correlation: np.ndarray
+    at_bound: list[str]
+    freedom: float
+    cost: float
+    success: bool
+    message: str
+
+    def __repr__(self) -> str:
+        suffixes = {name: f" +- {error:.2g}" for name, error in self.standard_errors.items()}
+        suffixes |= {
+            name: " (undetermined)" for name, text in suffixes.items() if text == " +- nan"
+        }
+        suffixes |= dict.fromkeys(self.at_bound, " (at a bound)")
+        estimates = (
+            f"{name} = {value:.6g}{suffixes[name]}" for name, value in self.parameters.items()
+        )
+        kind = type(self).__name__
+        return f"{kind}({', '.join(estimates)}; cost {self.cost:.4g}; {self.message})"
+
+    def intervals(self, confidence: float = 0.95) -> dict[str, tuple[float, float]]:
+        """Return confidence intervals by name, from Student's distribution of the residuals.
+
+        Parameters
+        ----------
+        confidence : float
+            Probability that an interval holds the true value, between 0 and 1 [-].
+
+        Returns
+        -------
+        dict of str to (float, float)
+            (NaN, NaN) if the standard error is NaN.
+        """
+        low, high = np.nextafter([0.0, 1.0], 0.5).tolist()
+        within("confidence", confidence, low, high, "(0, 1)")
+        width = float(stdtrit(self.freedom, 0.5 + 0.5 * confidence))
+        return {
+            name: (value - width * error, value + width * error)
+            for (name, value), error in zip(
+                self.parameters.items(), self.standard_errors.values(), strict=True
+            )
+        }
+
+
+def estimates_of(
+    names: list[str],
+    values: np.ndarray,
+    covariance: np.ndarray,
+    at_bound: np.ndarray,
+    message: str,
+) -> dict[str, Any]:
+    """Return the fields of `Estimates` that follow from parameters (m,) and their covariance."""
+    errors = np.sqrt(np.diag(covariance))
+    held = np.array(names)[at_bound].tolist()
+    with np.errstate(invalid="ignore", divide="ignore"):
+        correlation = covariance / np.outer(errors, errors)
+    return {
+        "parameters": dict(zip(names, values.tolist(), strict=True)),
+        "standard_errors": dict(zip(names, errors.tolist(), strict=True)),
+        "covariance": covariance,
+        "correlation": correlation,
+        "at_bound": held,
+        "message": message + (f" At a bound: {', '.join(held)}." if held else ""),
+    }
