@@ -389,10 +389,11 @@ def closest_signed(
     end = _end_of_pencil(kernel, t_min, t_max)
     samples = _sampled(kernel, t_min, t_max, tol, end)
     best, closest = math.inf, (np.zeros(0), np.zeros(0))
-    for rates in _rates_of_signed(kernel, samples.t[-1], end, t_min, tol, fading):
-        for error, used, weights in _signed_sums(samples, rates, best):
-            if error < best:
-                best, closest = error, (used, weights)
+    sets = _rates_of_signed(kernel, samples.t[-1], end, t_min, tol, fading)
+    sums = (one for rates in sets for one in _signed_sums(samples, rates, best))
+    for error, used, weights in sums:
+        if error < best:
+            best, closest = error, (used, weights)
         if best <= tol:
             break
     return *_scaled(*_with_pairs(*closest), t_min), t_min, t_max, best
@@ -440,7 +441,8 @@ def _rates_of_signed(
     yield from grids[:2]
     yield from (rates for rates in some if rates.imag.any())
     yield grids[2]
-    yield from (np.append(grid, found[-2:][0]) for found in pencils for grid in grids)
+    yield from (np.append(grid, found[len(found) // 2]) for found in pencils for grid in grids)
+    yield from (np.append(grid, found[-2:][0]) for found in pencils for grid in grids[:2])
     for every in (2, 1):
         turned = grids[1][grids[1] > 0][::every] * np.exp(0.25j * math.pi)
         yield np.concatenate([grids[1], turned, turned.conj()])
