@@ -31,12 +31,12 @@ _OF_MEAN = 1e-3
 # Largest ratio of the last to the first time of a fit by values. Least squares take two seconds at
 # this ratio.
 RATIO_OF_VALUES = 1e60
-# Singular values below these fractions of the largest one are left out of signed fits; each
-# fraction is tried.
+# Singular values of pencils, and diagonals of R of signed fits, below these fractions of the
+# largest one are left out; each fraction is tried.
 _CUTS = (1e-8, 1e-10, 1e-12, 1e-14, 1e-16)
 # As _FITTED, for the weights of signed kernels. With 8, errors of tables grow tenfold.
 _FITTED_SIGNED = 2
-# Most rates of a matrix pencil.
+# Most rates of a matrix pencil: eigenvalues of 400 take 0.1 s, and tables gain nothing by them.
 _MAX_PENCIL = 200
 # Number of equally spaced samples of a matrix pencil.
 _PENCIL_SAMPLES = 800
