@@ -1,6 +1,7 @@
 """Delays that the right-hand side reads, to a tolerance and on given steps."""
 
 import pickle
+import warnings
 
 import matplotlib
 import numpy as np
@@ -590,6 +591,32 @@ def test_a_jump_of_a_past_is_a_kink_after_each_delay(order):
             exact += sign * (-1.0) ** (n + 1) * left**power / gamma(power + 1)
     found = hd.solve(equation, 6.0, rtol=1e-8)
     assert found(times)[:, 0] == pytest.approx(exact, abs=1e-7)
+
+
+@pytest.mark.parametrize("high", ["as wide", "as y0"])
+@pytest.mark.parametrize("d", [1, 4])
+def test_short_ramps_of_a_past_are_met_to_the_tolerance(d, high):
+    """The past is 0 up to a ramp before the start, whose width is drawn."""
+    random, units = np.random.default_rng(d), 10.0 ** np.linspace(0, -9, d)
+    for width in 10.0 ** random.uniform(-9, -2, 4):
+        height = width if high == "as wide" else 1.0
+
+        def past(t, width=width, height=height):
+            return height * units * max(0.0, 1 + t / width)
+
+        def difference(t, y, z):
+            return units - z[0]
+
+        late = hd.Equation(hd.Caputo(1), difference, height * units, memory=hd.Delay(0.5, past))
+        # y' = 1 but for the area of the ramp; then y' = 1 - height - (t - 0.5)
+        exact = height + 0.5 - 0.5 * width * height + 0.25 * (1 - height) - 0.5 * 0.25**2
+        for rtol in (1e-6, 1e-10):
+            with warnings.catch_warnings():
+                warnings.simplefilter("error")
+                found = hd.solve(late, 0.75, rtol=rtol)
+            assert found.success
+            assert len(found.t) < 300
+            assert found.y[-1] == pytest.approx(exact * units, rel=rtol)
 
 
 def test_a_past_that_is_too_fast_for_its_table_warns():

@@ -14,6 +14,9 @@ from numpy.polynomial.chebyshev import chebder, chebval, chebvander
 
 from ..equation.delay import N_COEFFICIENTS, NODES, TO_COEFFICIENTS
 
+# Distances of further samples from both ends, over that of equidistant ones. They see short ramps
+# next to the ends: without them one of 1e-8 of the delay is missed.
+_BESIDE_ENDS = 4.0 ** np.arange(-17, -1)
 # Points in [-1, 1], the interval of a polynomial, at which it is compared with the function. Those
 # next to the ends see jumps and corners outside of the nodes: without them 5 % are missed.
 _CHECK_POINTS = np.array([-1 + 1e-6, -0.4, 0.15, 0.8, 1 - 1e-6])
@@ -100,15 +103,18 @@ def piecewise(
         ``function(times)`` returns values (k, d) at k times.
     low, high : float
     n_samples : int
-        Number of equidistant times at which the polynomials are compared with the function.
-        Features narrower than their distance may be missed.
+        Number of equidistant times at which the polynomials are compared with the function, beside
+        some next to both ends. Features narrower than their distance may be missed.
     tolerance : FitTolerance
     """
     spacing = (high - low) / n_samples
+    beside = spacing * _BESIDE_ENDS
     times = low + spacing * (np.arange(n_samples) + 0.5)
-    samples, ends = (times, function(times)), np.array([low, high])
+    times = np.concatenate([low + beside, times, high - beside[::-1]])
+    short, ends = _MAX_JUMP_INTERVAL * spacing, np.array([low, high])
+    samples = times, function(times), short
     fit = _fitted(function, ends, samples, tolerance)
-    which = _brackets(fit, _MAX_JUMP_INTERVAL * spacing) if fit.complete else np.zeros(0, np.int64)
+    which = _brackets(fit, short) if fit.complete else np.zeros(0, np.int64)
     kinks, exponents = np.zeros(0), np.zeros(0)
     if which.size:
         a, b = fit.low[which], fit.high[which]
@@ -131,12 +137,14 @@ def piecewise(
 def _fitted(
     function: Callable[[np.ndarray], np.ndarray],
     edges: np.ndarray,
-    samples: tuple[np.ndarray, np.ndarray],
+    samples: tuple[np.ndarray, np.ndarray, float],
     tolerance: FitTolerance,
 ) -> _Fit:
-    """Return polynomials between edges; intervals are cut where a polynomial is not accurate."""
-    (times, known), tol, span = samples, tolerance.tol, edges[-1] - edges[0]
-    short = _MAX_JUMP_INTERVAL * span / times.size
+    """Return polynomials between edges; intervals are cut where a polynomial is not accurate.
+
+    `samples` are times, values there, and the length up to which intervals show a jump.
+    """
+    (times, known, short), tol, span = samples, tolerance.tol, edges[-1] - edges[0]
     sizes = np.maximum(np.abs(known).max(axis=0), LEAST_SIZE)
     low, high, complete = edges[:-1], edges[1:], True
     found: list[tuple[np.ndarray, ...]] = []
@@ -144,6 +152,7 @@ def _fitted(
         middle, half = 0.5 * (low + high)[:, None], 0.5 * (high - low)[:, None]
         values = function((middle + half * _FIT_POINTS).ravel())
         values = values.reshape(low.size, _FIT_POINTS.size, -1)
+        sizes = np.maximum(sizes, np.abs(values).max(axis=(0, 1)))
         polynomials = to_polynomials(values[:, : NODES.size], known[0])
         missed = np.abs(_AT_CHECK_POINTS @ np.moveaxis(polynomials, 1, 2) - values[:, NODES.size :])
         missed = (missed.max(axis=1) / sizes).max(axis=1)
