@@ -28,6 +28,7 @@ from ..support.checks import refuse
 from .algebraic import became_singular, settle_tangents, settled
 from .endings import (
     OUTSIDE,
+    ROUGH_TABLE,
     SINGULAR_ROWS,
     TOO_STEEP,
     UNSOLVED,
@@ -91,6 +92,9 @@ _REFINE_BY = 32.0
 _REACH = 10.0
 # Largest ratio of the farthest to the closest distance of the modes.
 _LARGEST_RATIO = 1e305
+# Largest number of steps before an early end whose reason may be the memory of a table: its first
+# steps are as short as rounding allows.
+_STEPS_AT_START = 3
 # Largest number of steps in one call of the compiled march.
 _MAX_STEPS_PER_MARCH = 256
 # Closest distance of fits that are made before the run begins, as a fraction of the run.
@@ -566,6 +570,8 @@ class AdaptiveStepper(ResumableStepper, TangentStepper, JumpingStepper):
             ended = after_steps(self.n_steps)
         if ended is None or ended.status is Status.BLOWN_UP:
             return ended
+        if self.n_steps <= _STEPS_AT_START and self._reads_table:
+            return ROUGH_TABLE
         found = [part for part in (ended.detail, self._small_component()) if part]
         ended = ended._replace(detail="; ".join(found))
         if not self._marched.has_jac:
@@ -574,6 +580,11 @@ class AdaptiveStepper(ResumableStepper, TangentStepper, JumpingStepper):
             self._marched.functions, self._orbit.x[0], self._marched.structure, self.t
         )
         return ended._replace(detail=wrong or ended.detail)
+
+    @property
+    def _reads_table(self) -> bool:
+        """Whether f reads the memory of a measured kernel."""
+        return is_read(self.system) and any(kernel.measured for kernel in self._form.kernels)
 
     def _small_component(self) -> str:
         """Return a clause on the component with the largest error, if it may be rounding."""

@@ -40,6 +40,12 @@ _BLOWN_UP = Ending(Status.BLOWN_UP)
 UNSOLVED = Ending(Status.NOT_SOLVED)
 TOO_STEEP = Ending(Status.STEP_TOO_SMALL, _STEPS_END_IN_ROUNDING)
 OUTSIDE = Ending(Status.STEP_TOO_SMALL, NOT_FINITE)
+ROUGH_TABLE = Ending(
+    Status.STEP_TOO_SMALL,
+    "the memory of a table that the right-hand side reads is rougher at the start than the "
+    "tolerance: state it as a term on the left, or read the smooth hd.fit_exponentials(table, "
+    "t_min, t_max, tol) between its first and last time",
+)
 SINGULAR_ROWS = Ending(
     Status.STEP_TOO_SMALL,
     "the Jacobian of the algebraic rows with respect to the algebraic components becomes singular "

@@ -77,15 +77,17 @@ class Plain:
         """Return sources, least sizes and divisors of components, fields of `Equations`.
 
         The last two are 0 but for the memory of kernels. Its least size is a part of what its
-        source makes of it in a run to `t_end`. The part is larger if the kernel rises. A step may
-        err by `by_size` of the least size, which covers the `error` of the kernels' sums.
+        source makes of it in a run to `t_end`. The part is larger if the kernel rises, or if its
+        sum misses it by an `error` above `by_size`. A step may err by `by_size` of the least size,
+        which covers that error.
         """
         d, share = self.system.d, max(_OF_MEMORY, error / by_size) if by_size else _OF_MEMORY
         sources, least, divisors = np.arange(d), np.zeros(d), np.zeros(d)
         for place, source, kernel in self._convolved:
             rising = integral_if_rising(kernel, t_end)
             whole = abs(float(kernel.integral(min(t_end, kernel.t_last))))
-            sources[place], least[place] = source, max(SMALL * whole, share * rising)
+            floor = max(SMALL, error / by_size if by_size and error > by_size else 0.0)
+            sources[place], least[place] = source, max(floor * whole, share * rising)
             divisors[source] = _OF_MEMORY * rising
         return sources, least, divisors
 
