@@ -26,6 +26,10 @@ from .structures import LENGTH
 _EDGE_NEWTON_MAXITER = 60
 # Least ratio of the distance from the edge to the one before an iteration.
 _MIN_DISTANCE_RATIO = 1e-3
+# Ratio of successive distances from the edge in the search of one above the solution, and the
+# largest of them.
+_ABOVE = 10.0
+_LARGEST_ABOVE = 1e100
 # Relative change of the distance from the edge at which the iterations end. They converge
 # quadratically, so its square remains.
 _EDGE_NEWTON_RTOL = 1e-5
@@ -83,32 +87,59 @@ def solve_at_edge(m, h):
     f, p, x = values[FORCE], values[PRIMARY], values[POSITION]
     d, s = p.shape
     jacobians, done = m.stages.jacobians, False
-    for c in range(d):
-        for i in range(s):
-            p[c, i] = m.orbit.p[0, c]
-    positions(m, h, p, x_start, x)
-    for _ in range(_EDGE_NEWTON_MAXITER):
-        m.state.counts.rhs += s
-        reflect(x_start, x)
-        set_primary(m, h, x, p)
-        if not forces(m, x, f):
-            return False
+    for attempt in range(2):
+        for c in range(d):
+            for i in range(s):
+                p[c, i] = m.orbit.p[0, c]
+        positions(m, h, p, x_start, x)
+        if attempt == 1:
+            begin_above(m, x)
+        for _ in range(_EDGE_NEWTON_MAXITER):
+            m.state.counts.rhs += s
+            reflect(x_start, x)
+            set_primary(m, h, x, p)
+            if done or not forces(m, x, f):
+                break
+            for i in range(s):
+                slopes_at_node(m, i, x, f, jacobians[i])
+            if not factorise_newton(m, h, p, jacobians):
+                break
+            residuals(m, workspace.base[0], p, x, f)
+            solve_newton(m)
+            done = take_limited_change(m, h, p, x, f)
+            set_primary(m, h, x, p)
         if done:
             break
-        for i in range(s):
-            slopes_at_node(m, i, x, f, jacobians[i])
-        if not factorise_newton(m, h, p, jacobians):
-            return False
-        residuals(m, workspace.base[0], p, x, f)
-        solve_newton(m)
-        done = take_limited_change(m, h, p, x, f)
-        set_primary(m, h, x, p)
     for c in range(d):
         workspace.point[c] = x[c, s - 1]
     magnitudes(jacobians[s - 1], workspace.point, workspace.force_scales)
     magnitudes(jacobians[s - 1], workspace.starts, workspace.start_scales)
     m.stages.control[LENGTH] = h
     return done
+
+
+@inner
+def begin_above(m, x):
+    """Move y = x (d, s) from an edge at 0 to where f carries it less far in the step.
+
+    Where f grows like sqrt(y), the solution lies between. From above Newton's method converges;
+    from the edge it would go back.
+    """
+    point, f, sums = m.workspace.point, m.workspace.f_at_point, m.operators.sums
+    d, s = x.shape
+    for c in range(d):
+        if m.orbit.x[0, c] != 0.0:
+            continue
+        for e in range(d):
+            point[e] = m.orbit.x[0, e]
+        while point[c] < _LARGEST_ABOVE:
+            point[c] = max(_ABOVE * point[c], LEAST)
+            set_force(m.right.force, m.workspace.times[s - 1], point, f)
+            m.state.counts.rhs += 1
+            if abs(sums[m.equations.kinds[c], -1] * f[c]) <= point[c]:
+                for i in range(s):
+                    x[c, i] = point[c]
+                break
 
 
 @inner

@@ -48,8 +48,9 @@ _EDGE_TRIALS = 16
 # Number of nodes of a first step from an edge. With 24, 37 of 288 problems D^a y = t^q - y^p with
 # exponents q / p of the solution up to 13 end early at rtol 1e-6, with 36 nodes 18.
 _NODES_AT_EDGE = 36
-# Power q of the variable u with t = u**q in which powers of time with unknown exponents are tried.
-_EDGE_POWER = 4.0
+# Powers q of the variables u with t = u**q in which powers of time with unknown exponents are
+# tried. In the last one f = y^0.3 is smooth, which is like t^0.34 at order 0.8.
+_EDGE_POWERS = 4.0, 12.0
 
 
 class Trial(NamedTuple):
@@ -140,10 +141,11 @@ def _trials_at_edge(system: System, form: Form, most: float, *at: Any) -> Iterat
     if system.d > _MOST_AT_EDGE or not begins_at_edge(system, *at):
         return
     by_generators = Variable.of(form.generators)._replace(n=_NODES_AT_EDGE)
-    unknown = Variable(_EDGE_POWER, n=_NODES_AT_EDGE)
-    for k in range(_EDGE_TRIALS):
-        for variable in dict.fromkeys((by_generators, unknown)):
-            yield Trial(most * _TRIAL_LENGTH_RATIO**k, variable, True)
+    unknown, steep = (Variable(power, n=_NODES_AT_EDGE) for power in _EDGE_POWERS)
+    for variables in (by_generators, unknown), (steep,):
+        for k in range(_EDGE_TRIALS):
+            for variable in dict.fromkeys(variables):
+                yield Trial(most * _TRIAL_LENGTH_RATIO**k, variable, True)
 
 
 def _decay_rates(jacobian: Any) -> np.ndarray:
