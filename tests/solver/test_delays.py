@@ -1,6 +1,7 @@
 """Delays that the right-hand side reads, to a tolerance and on given steps."""
 
 import pickle
+import re
 import warnings
 
 import matplotlib
@@ -697,6 +698,33 @@ def test_algebraic_rows_carry_jumps_on_as_long_as_the_run_lasts(first):
     for k in range(20):
         exact += np.where(k <= n, 0.5**k * np.cos(times - k), 0.0)
     assert found(times)[:, 1] == pytest.approx(exact, abs=1e-7)
+
+
+def neutral(t, z, late):
+    y, p = z
+    return np.array([p, -y - 0.5 * late[0, 1] - p])
+
+
+@pytest.mark.parametrize("order", [0.3, 0.4, 0.5, 0.6])
+def test_neutral_equations_say_what_rounding_hides(order):
+    """The tolerance that the message names completes."""
+    rows = np.array([1.0, 0.0]) * hd.Caputo(order)
+    late = hd.Delay(1.0, past=[1.0, 0.0])
+    equation = hd.Equation(rows, neutral, [1.0, -1.0], memory=late)
+    with pytest.warns(hd.SolveWarning, match=r"within the rounding of t.* or eliminate the row"):
+        ended = hd.solve(equation, 2.9, rtol=1e-10)
+    assert ended.status == "step_too_small"
+    rtol = float(re.search(r"take an rtol of (\S+)", ended.message)[1])
+    found = hd.solve(equation, 2.9, rtol=rtol)
+    assert found.success
+    plain = hd.Equation(
+        hd.Caputo(order),
+        lambda t, y, z: -y + 0.5 * (t >= 1) * z[0] - 0.25 * (t >= 2) * z[1],
+        1.0,
+        memory=[hd.Delay(1.0, past=0.0), hd.Delay(2.0, past=0.0)],
+    )
+    exact = hd.solve(plain, 2.9, rtol=1e-8, breaks=[1.0, 2.0]).y[-1, 0]
+    assert found.y[-1, 0] == pytest.approx(exact, rel=rtol)
 
 
 def loop(t, x, late, p):

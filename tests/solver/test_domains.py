@@ -12,6 +12,7 @@ import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
+from scipy.special import gamma
 
 import hereditary as hd
 
@@ -389,3 +390,35 @@ def test_python_and_compiled_code_meet_an_edge_alike(how):
     expected, found = (hd.solve(equation, 5.0, **how) for equation in (compiled, in_python))
     assert found.success, found.message
     np.testing.assert_array_equal(found.y, expected.y)
+
+
+def powers(t, y, p):
+    """Return the f of y = unit t^q with a part, `share`, of it that grows like y^power."""
+    share, power, unit, rate, q, order = p
+    own = share * rate * unit * (y / unit) ** power
+    return own + rate * unit * (t ** (q - order) - share * t ** (q * power))
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_growth_from_an_edge_follows_its_largest_solution(seed):
+    """D^a y = share y^p + g(t) from 0, whose exact solution is t^q with q = a / (1 - p)."""
+    random = np.random.default_rng(seed)
+    order, power = (1.0, random.uniform(0.3, 1.0))[seed % 2], random.uniform(0.25, 0.75)
+    share, unit, q = random.uniform(0.3, 1.0), 10 ** random.uniform(-6, 6), order / (1 - power)
+    rate = gamma(q + 1) / gamma(q + 1 - order)
+    params = [share, power, unit, rate, q, order]
+    equation = hd.Equation(hd.Caputo(order), powers, 0.0, params=params)
+    for rtol in (1e-5, 1e-8):
+        found = hd.solve(equation, 2.0, rtol=rtol)
+        assert found.success, found.message
+        assert len(found.t) < 200
+        assert found.y[-1, 0] == pytest.approx(unit * 2.0**q, rel=rtol)
+
+
+def test_growth_that_no_first_step_resolves_names_the_edge():
+    steep = hd.Equation(hd.Caputo(0.5), lambda t, y: y**0.15 + t, 0.0)
+    with pytest.warns(hd.SolveWarning):
+        ended = hd.solve(steep, 2.0, rtol=1e-6)
+    assert ended.status == "step_too_small"
+    assert "no derivative at y(0) = 0" in ended.message
+    assert hd.solve(steep.replace(y0=1e-20), 2.0, rtol=1e-6).success

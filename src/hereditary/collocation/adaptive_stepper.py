@@ -26,7 +26,9 @@ from ..stepping.stepper import Diagnostics, JumpingStepper, ResumableStepper, Ta
 from ..stepping.times import breaks_ahead
 from ..support.checks import refuse
 from .algebraic import became_singular, settle_tangents, settled
+from .edge import begins_at_edge
 from .endings import (
+    NO_SLOPE_AT_START,
     OUTSIDE,
     ROUGH_TABLE,
     SINGULAR_ROWS,
@@ -36,6 +38,7 @@ from .endings import (
     ending,
     leaves_domain,
     of_near_orders,
+    of_rounded_rows,
     of_small_component,
 )
 from .equations import integral_form
@@ -95,6 +98,12 @@ _LARGEST_RATIO = 1e305
 # Largest number of steps before an early end whose reason may be the memory of a table: its first
 # steps are as short as rounding allows.
 _STEPS_AT_START = 3
+# Distance from a kink, over its time, at which rounding may end a run.
+_NEXT_TO_KINK = 1e-9
+# Distance from the start, over the run, at which an infinite derivative may end a run.
+_NEXT_TO_START = 1e-20
+# Tolerance at which rows whose rounding is known complete, over this rounding.
+_OVER_ROUNDING = 20.0
 # Largest number of steps in one call of the compiled march.
 _MAX_STEPS_PER_MARCH = 256
 # Closest distance of fits that are made before the run begins, as a fraction of the run.
@@ -572,6 +581,10 @@ class AdaptiveStepper(ResumableStepper, TangentStepper, JumpingStepper):
             return ended
         if self.n_steps <= _STEPS_AT_START and self._reads_table:
             return ROUGH_TABLE
+        if self._begins_at_edge:
+            return NO_SLOPE_AT_START
+        if (rounding := self._rounding_of_rows) > self.allowed.of_step.rtol:
+            return of_rounded_rows(self.t + self.system.frame.start, _OVER_ROUNDING * rounding)
         found = [part for part in (ended.detail, self._small_component()) if part]
         ended = ended._replace(detail="; ".join(found))
         if not self._marched.has_jac:
@@ -585,6 +598,27 @@ class AdaptiveStepper(ResumableStepper, TangentStepper, JumpingStepper):
     def _reads_table(self) -> bool:
         """Whether f reads the memory of a measured kernel."""
         return is_read(self.system) and any(kernel.measured for kernel in self._form.kernels)
+
+    @property
+    def _begins_at_edge(self) -> bool:
+        """Whether f has no derivative at y(0), and the march is next to it."""
+        system, d = self._marched, self._marched.d
+        slopes = np.full((d, d), np.inf)  # unknown
+        return self.t < _NEXT_TO_START * self._t_end and begins_at_edge(
+            system, 0.0, self._orbit.initial[0], system.units(), slopes
+        )
+
+    @property
+    def _rounding_of_rows(self) -> float:
+        """Change of algebraic rows within the rounding of a kink next to the present time, or 0.
+
+        It is a fraction of their change over as long a time as that to the kink.
+        """
+        kink = self._control["origin"]
+        if not (kink > 0 and self._form.algebraic.any() and self.t - kink < _NEXT_TO_KINK * kink):
+            return 0.0
+        rounding = self.system.beside(kink, 1) / kink - 1
+        return float(rounding ** self._form.generators[0])
 
     def _small_component(self) -> str:
         """Return a clause on the component with the largest error, if it may be rounding."""

@@ -46,6 +46,11 @@ ROUGH_TABLE = Ending(
     "tolerance: state it as a term on the left, or read the smooth hd.fit_exponentials(table, "
     "t_min, t_max, tol) between its first and last time",
 )
+NO_SLOPE_AT_START = Ending(
+    Status.STEP_TOO_SMALL,
+    "the right-hand side has no derivative at y(0) = 0, from where the solution leaves like an "
+    "unknown power of time: begin with a tiny y(0) on the side of the solution, or loosen rtol",
+)
 SINGULAR_ROWS = Ending(
     Status.STEP_TOO_SMALL,
     "the Jacobian of the algebraic rows with respect to the algebraic components becomes singular "
@@ -114,6 +119,16 @@ def of_near_orders(gap: float) -> Ending:
 def after_steps(n_steps: int) -> Ending:
     """Return the reason why a march ends that has made the largest number of steps."""
     return Ending(Status.MAX_STEPS, f"{n_steps} in all; {_CORNERS}")
+
+
+def of_rounded_rows(t: float, rtol: float) -> Ending:
+    """Return the reason why algebraic rows whose values rounding hides next to time t end a run."""
+    why = (
+        f"next to t = {t:.10g} an algebraic row changes by more than the tolerance within the "
+        f"rounding of t: take an rtol of {rtol:.0e} or more, or eliminate the row, so that the "
+        "right-hand side reads components with a derivative alone"
+    )
+    return Ending(Status.STEP_TOO_SMALL, why)
 
 
 def of_small_component(number: int) -> str:
