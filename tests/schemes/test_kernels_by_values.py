@@ -233,3 +233,39 @@ def test_what_a_kernels_function_raises_is_told_as_its_own(way):
     kernel = hd.Kernel(broken)
     with pytest.raises(ValueError, match=r"function must .* got ZeroDivisionError at t = .*: no"):
         solved(kernel, **WAYS[way])
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_a_table_that_rhs_reads_acts_as_the_term_of_it(seed):
+    """The sum of exponentials misses the drawn table by more than the tightest tolerance."""
+    random = np.random.default_rng(seed)
+    t, power, rate = np.geomspace(1e-3, 4.9, 40), random.uniform(0.1, 0.6), random.uniform(0.3, 2)
+    noise = 1 + random.choice([0.0, 1e-5]) * random.normal(size=t.size)
+    table = hd.Kernel.from_table(t, t**-power * np.exp(-rate * t) * noise)
+    order = hd.Caputo((1.0, random.uniform(0.6, 1.0))[seed % 2])
+
+    def reading(t, y, m):
+        return -y - 0.8 * m[0]
+
+    read = hd.Equation(order, reading, 1.0, memory=hd.Memory(table, 0))
+    term = hd.Equation(order + 0.8 * hd.Memory(table, 0), lambda t, y: -y, 1.0)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", hd.SolveWarning)
+        warnings.simplefilter("ignore", hd.KernelWarning)
+        for rtol in (1e-4, 1e-7, 1e-10):
+            found, exact = (hd.solve(each, 4.8, rtol=rtol) for each in (read, term))
+            error = found.stats["kernel_error"]
+            assert found.success
+            assert found.t[-1] == 4.8
+            assert abs(found(exact.t) - exact.y).max() < rtol + 1e-2 * error
+    assert error > 1e-10
+
+
+def test_the_derivative_of_a_table_that_rhs_reads_names_the_way_out():
+    t = np.geomspace(1e-3, 4.9, 40)
+    table = hd.Kernel.from_table(t, t**-0.4 * np.exp(-t))
+    read = hd.Equation(hd.Caputo(0.7), lambda t, y, m: -y - m[0], 1.0, memory=hd.Memory(table, 1))
+    with pytest.warns(hd.SolveWarning, match=r"rougher at the start than the tolerance"):
+        assert not hd.solve(read, 4.8, rtol=1e-4).success
+    smooth = hd.fit_exponentials(table, t[0], t[-1], 1e-4)
+    assert hd.solve(read.replace(memory=hd.Memory(smooth, 1)), 4.8, rtol=1e-10).success

@@ -31,6 +31,11 @@ from .terms import ConstantOrder, KernelOperator, Operator, SystemTerm
 # Largest condition number of the matrix in front of the highest derivatives; larger ones are
 # refused.
 _MAX_CONDITION_NUMBER = 1e12
+# What to do about a Riemann-Liouville term beside a matrix.
+FROM_ZERO = (
+    "for C RiemannLiouville(gamma) below Caputo(alpha) solve D^alpha w = f and "
+    "D^(alpha - gamma) v = y from w = y(0), v = 0, where y = w - C v"
+)
 
 
 class Entry(NamedTuple):
@@ -60,7 +65,8 @@ def _solved(left: Sequence[SystemTerm], d: int) -> tuple[list[Entry], np.ndarray
     for operator, _ in left:
         if operator.varies or operator.from_zero:
             required = f"be Caputo operators of constant order, or kernels, {where}"
-            refuse("terms", required, f"{operator}")
+            beside_matrix = operator.from_zero and left[0].coefficients.ndim == 2
+            refuse("terms", required, f"{operator}", FROM_ZERO if beside_matrix else "")
     before = _highest_of_caputo(left, d)
     left = _summed(left)
     highest = _highest_of_caputo(left, d)

@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike
 from ..compiled.functions import mapped
 from ..functions.build import Start
 from ..support.checks import complaint, count, real_array, refuse, refuse_masked, shown
+from .chain import FROM_ZERO
 from .delay import Delay, Earlier
 from .operators import Summand, Term
 from .orders import merged_orders
@@ -177,7 +178,7 @@ def _read_terms(memory: Summand) -> tuple[Term, ...]:
         if term.operator.derivative > 2:
             refuse("memory", "have orders up to 2", f"{term}")
         if any(operator.from_zero for operator, _ in term.operator.parts(np.full(1, 0.5))):
-            remedy = "write Caputo's, and what y(0) adds in rhs"
+            remedy = f"if y(0) = 0 it is Caputo's; {FROM_ZERO}"
             refuse("memory", "hold Caputo or Memory terms", f"{term}", remedy)
     return terms
 
