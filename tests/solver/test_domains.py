@@ -394,7 +394,7 @@ def test_python_and_compiled_code_meet_an_edge_alike(how):
 
 def powers(t, y, p):
     """Return the f of y = unit t^q with a part, `share`, of it that grows like y^power."""
-    share, power, unit, rate, q, order = p
+    share, power, unit, rate, q, order = p  # below 0 the unit is negative
     own = share * rate * unit * (y / unit) ** power
     return own + rate * unit * (t ** (q - order) - share * t ** (q * power))
 
@@ -405,6 +405,7 @@ def test_growth_from_an_edge_follows_its_largest_solution(seed):
     random = np.random.default_rng(seed)
     order, power = (1.0, random.uniform(0.3, 1.0))[seed % 2], random.uniform(0.25, 0.75)
     share, unit, q = random.uniform(0.3, 1.0), 10 ** random.uniform(-6, 6), order / (1 - power)
+    unit *= random.choice([-1.0, 1.0])
     rate = gamma(q + 1) / gamma(q + 1 - order)
     params = [share, power, unit, rate, q, order]
     equation = hd.Equation(hd.Caputo(order), powers, 0.0, params=params)

@@ -122,8 +122,8 @@ def solve_at_edge(m, h):
 def begin_above(m, x):
     """Move y = x (d, s) from an edge at 0 to where f carries it less far in the step.
 
-    Where f grows like sqrt(y), the solution lies between. From above Newton's method converges;
-    from the edge it would go back.
+    Where f grows like sqrt(y), the solution lies between. From there Newton's method converges.
+    From the edge it would go back. If f leads down, y is below 0.
     """
     point, f, sums = m.workspace.point, m.workspace.f_at_point, m.operators.sums
     d, s = x.shape
@@ -132,14 +132,15 @@ def begin_above(m, x):
             continue
         for e in range(d):
             point[e] = m.orbit.x[0, e]
-        while point[c] < _LARGEST_ABOVE:
-            point[c] = max(_ABOVE * point[c], LEAST)
+        side, size, moved = 1.0, LEAST, 0.0
+        while not 0.0 < moved <= size and (size < _LARGEST_ABOVE or side > 0.0):
+            side, size = (side, _ABOVE * size) if size < _LARGEST_ABOVE else (-1.0, LEAST)
+            point[c] = side * size
             set_force(m.right.force, m.workspace.times[s - 1], point, f)
             m.state.counts.rhs += 1
-            if abs(sums[m.equations.kinds[c], -1] * f[c]) <= point[c]:
-                for i in range(s):
-                    x[c, i] = point[c]
-                break
+            moved = side * sums[m.equations.kinds[c], -1] * f[c]
+        for i in range(s if 0.0 < moved <= size else 0):
+            x[c, i] = side * size
 
 
 @inner
