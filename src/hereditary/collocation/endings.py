@@ -43,8 +43,8 @@ OUTSIDE = Ending(Status.STEP_TOO_SMALL, NOT_FINITE)
 ROUGH_TABLE = Ending(
     Status.STEP_TOO_SMALL,
     "the memory of a table that the right-hand side reads is rougher at the start than the "
-    "tolerance: state it as a term on the left, or read the smooth hd.fit_exponentials(table, "
-    "t_min, t_max, tol) between its first and last time",
+    "tolerance: state it as a term on the left, or read hd.fit_exponentials(table, t_min, t_max, "
+    "tol), which is smooth but not singular before t_min",
 )
 NO_SLOPE_AT_START = Ending(
     Status.STEP_TOO_SMALL,
