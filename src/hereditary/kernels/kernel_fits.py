@@ -16,7 +16,6 @@ from typing import Any
 
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
-from scipy.linalg import qr, solve_triangular
 
 from ..support.checks import complaint, refuse
 from .exponential_sum import trapezoid_step
@@ -456,6 +455,8 @@ def _signed_sums(
     A QR decomposition with pivoting on few samples orders the columns. Their weights are those of
     least squares on more samples. Nothing comes if the few samples already err by `best`.
     """
+    from scipy.linalg import qr, solve_triangular  # takes long to import
+
     fitted = samples.every(_FITTED)
     rates, table, _ = _unit_columns(fitted, rates)
     q, r, order = qr(table, mode="economic", pivoting=True, check_finite=False)
