@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 import pytest
-from hypothesis import assume, given
+from hypothesis import assume, example, given
 from hypothesis import strategies as st
 from random_problems import linear
 
@@ -341,6 +341,33 @@ def test_what_could_be_made_of_a_component_does_not_hide_its_error(rtol):
     sol, t = hd.solve(equation, problem.t_end, rtol=rtol), np.linspace(0, problem.t_end, 401)
     apart = np.abs(sol(t) - exact(t)).max(axis=0)
     assert np.all(apart < rtol * np.abs(exact(t)).max(axis=0))
+
+
+def reactions(t, y, p):
+    made, back, used = p[0] * y[0], p[2] * y[1] * y[2], p[1] * y[1] ** 2
+    return np.array([-made + back, made - back - used, used])
+
+
+@given(rates=st.tuples(st.floats(-4, 0), st.floats(2, 8), st.floats(2, 7)), decades=st.floats(0, 3))
+@example(
+    rates=(-2.829367921694562, 3.5516532724883074, 3.6505777570465954), decades=2.735860090159637
+)
+def test_a_diverged_iteration_is_no_solution(rates, decades):
+    """From (1, 0, 0) the last row has no gain, and long first steps lead Newton's method away."""
+    params, t_end = 10.0 ** np.array(rates), 10.0**decades
+
+    def slopes(t, y, p):
+        back, used = p[2] * y[1:], 2 * p[1] * y[1]
+        return np.array([
+            [-p[0], back[1], back[0]], [p[0], -back[1] - used, -back[0]], [0.0, used, 0.0]
+        ])  # fmt: skip
+
+    equation = hd.Equation(hd.Caputo(1.0), reactions, [1.0, 0.0, 0.0], params=params, jac=slopes)
+    sol, exact = hd.solve(equation, t_end, rtol=1e-6), hd.solve(equation, t_end, rtol=1e-10)
+    assert sol.success
+    t = np.linspace(0, t_end, 101)
+    assert np.all(np.abs(sol(t) - exact(t)).max(axis=0) < 1e-5 * np.abs(exact(t)).max(axis=0))
+    assert abs(sol(t).sum(axis=1) - 1).max() < 1e-6
 
 
 @pytest.mark.estimates

@@ -212,8 +212,7 @@ def solve_stages(m, h):
                 jacobians = stages.jacobians
                 continue
             control[LENGTH], previous = h, np.inf
-        begins = previous == np.inf
-        if begins:  # scales at the guess: a stiff y may be far below its start
+        if previous == np.inf:  # scales at the guess: a stiff y may be far below its start
             for c in range(workspace.starts.shape[0]):
                 noise = m.state.noisy[c] * m.state.scales[c]  # rounding of y_c is that of this
                 workspace.point[c] = max(abs(x[c, s - 1]), noise)
@@ -224,7 +223,7 @@ def solve_stages(m, h):
         residuals(m, workspace.base[0], p, x, f)
         solve_for_orbit(m)
         size = take_change(change, newton_tol, workspace.rounding, stages.scales, p)
-        if begins:
+        if sweep == 0:  # at the guess: a diverged iterate would allow any change
             set_rounding(m)
         if not size < np.inf:
             control[KEPT] = 0.0
