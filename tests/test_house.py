@@ -9,7 +9,7 @@ from decorators import DECORATORS
 
 SOURCE = Path(__file__).parent.parent / "src" / "hereditary"
 # Imported inside functions, since it takes long and few runs need it.
-DEFERRED = {"scipy.interpolate", "scipy.optimize", "scipy.signal"}
+DEFERRED = {"scipy.interpolate", "scipy.linalg", "scipy.optimize", "scipy.signal"}
 GALLERY = SOURCE.parents[1] / "docs" / "gallery"
 # What a message must not say in place of the value that arrived.
 VAGUE = {"another", "both", "int", "it", "neither", "none", "one", "others", "some"}
