@@ -258,7 +258,7 @@ def _kept_form(left: tuple[tuple[Operator, tuple[float, ...]], ...], m: int) -> 
 def _form_of(system: System) -> Form:
     """Return the integral equations of a system, without a cache."""
     highest = system.highest_orders()
-    leading, above_one = system.coefficient(highest), highest > 1
+    leading, above_one = system.leading, highest > 1
     balanced = [_is_implicit(system, c, highest[c]) for c in range(system.d)]
     bare = [not any(own[c] for _, own in system.left) for c in range(system.d)]
     implicit = np.where(bare, ALGEBRAIC, balanced).astype(np.int64)

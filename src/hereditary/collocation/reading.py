@@ -232,8 +232,7 @@ class _Reduction:
         self._system, d = system, system.n_solved
         self._bare = system.algebraic
         self._leading = _leading_orders(system)
-        before = system.coefficient(system.highest_orders())[:d]
-        self._before = np.where(self._bare, 1.0, before)
+        self._before = np.where(self._bare, 1.0, system.leading[:d])
         self._starts: list[float] = []
         self._of_y: list[int] = []
         self._terms: list[tuple[Any, int, float]] = []

@@ -100,8 +100,7 @@ def trials(
         if c >= _LEAST_BENT:
             yield Trial(h, _bent(form.generators, c))
     order, variables = _plain(form)
-    leading = np.abs(system.coefficient(system.highest_orders()))
-    leading[leading == 0] = 1.0
+    leading = np.where(system.leading == 0, 1.0, np.abs(system.leading))
     if has_stages(form):
         sizes = np.abs(orbit.x[0]) + _SIZE_IF_ZERO * reach
         sizes = np.where(sizes > LEAST, sizes, units)

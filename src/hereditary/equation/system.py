@@ -242,6 +242,13 @@ class System:
         return total
 
     @_of_left
+    def leading(self) -> np.ndarray:
+        """Coefficients of Caputo's derivatives of the highest orders, (d,), or 0."""
+        found = self.coefficient(self.highest_orders())
+        found.flags.writeable = False
+        return found
+
+    @_of_left
     def highest_order(self) -> float:
         """The highest order of all components."""
         return float(self.highest_orders().max())
@@ -361,7 +368,7 @@ class System:
         """
         f = self.rhs(self.beside(t, 1), y)
         with np.errstate(divide="ignore", invalid="ignore"):
-            slope = f / self.coefficient(self.highest_orders())
+            slope = f / self.leading
         slope[: self.n_solved][self.algebraic] = 0.0
         return np.where(self.highest_orders() > 1, ydot, slope)
 

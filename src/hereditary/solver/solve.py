@@ -315,7 +315,7 @@ def listed(functions: Any) -> tuple:
 
 def run_end(name: str, t_end: Any, start: float) -> float:
     """Check that the end of a run is a number above its start; return it as a float."""
-    span = isinstance(t_end, list | tuple) or np.ndim(t_end) > 0
+    span = isinstance(t_end, (list, tuple, np.ndarray))
     remedy = "hd.solve_ivp takes a span; here Equation(..., t_start=...) sets its start"
     if start == 0:
         return positive(name, t_end, remedy if span else "")
