@@ -28,7 +28,7 @@ from .newton import (
 )
 from .operators import FORCE, POSITION, PRIMARY, SLOPE, subtract_from_forces
 from .structures import ALGEBRAIC, AT_EDGE
-from .tolerances import ROUNDING_OF_SUMS, allowed_error, error_of_young
+from .tolerances import ROUNDING_OF_SUMS, allowed_error, error_of_young, power_of_time
 
 # Smallest relative tolerance of tangents. Decayed tangents consist of rounding errors, which grow
 # when tangents are normalised.
@@ -446,16 +446,12 @@ def error_of_growth(m, h, c):
     It grew there by the power of time that the second half of this step shows. The tolerance is 0
     in other steps, for a component that does not begin from little, and without a longer trial.
     """
-    state, p, nodes, half = m.state, m.workspace.values[0, PRIMARY, c], m.rule.nodes, 0
+    state, p = m.state, m.workspace.values[0, PRIMARY, c]
     largest = largest_of(p, 0, p.shape[0])
     little = abs(m.orbit.p[0, c]) <= _BEGINS_BELOW * largest
     if state.control.begins == 0.0 or not little or not h < state.since[c] < np.inf:
         return 0.0
-    for i in range(nodes.shape[0]):
-        half = i if abs(nodes[i] - 0.5) < abs(nodes[half] - 0.5) else half
-    now, before = abs(p[-1]), abs(p[half])
-    power = math.log(now / before) / -math.log(nodes[half]) if 0.0 < before < now else 0.0
-    return m.limits.rtol * largest * (state.since[c] / h) ** power
+    return m.limits.rtol * largest * (state.since[c] / h) ** power_of_time(m.rule.nodes, p)
 
 
 @inner

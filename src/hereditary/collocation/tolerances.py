@@ -236,37 +236,24 @@ def note_growth(m, h):
         own = max(state.sizes[c], now)
         if state.growth[c] == np.inf and own <= YOUNG * state.reach[c]:
             continue
-        state.growth[c] = own
+        state.growth[c], power = own, 0.0
         if own < SMALL * state.reach[c] and now == own:
             if first and before <= LEAST:
-                state.growth[c] = growth_of(m, h, x[c], own)
+                power = power_of_time(m.rule.nodes, x[c])
             elif before < now and t > 0.0:
-                state.growth[c] = grown(own, before, (t + h) / t, m.limits.t_end / (t + h))
+                power = math.log(now / before) / math.log((t + h) / t) if before > LEAST else np.inf
+            left = max(1.0, min(HORIZON, m.limits.t_end / (t + h)))
+            state.growth[c] = own * left ** min(power, _LARGEST_POWER)
 
 
 @inner
-def growth_of(m, h, values, own):
-    """Return what becomes of a size `own` by the power of time in the second half of a first step.
-
-    The step has the length h.
-    """
-    nodes, half = m.rule.nodes, 0
+def power_of_time(nodes, values):
+    """Return the power of time of |values| (s,) in the second half of a first step, at least 0."""
+    half = 0
     for i in range(nodes.shape[0]):
         half = i if abs(nodes[i] - 0.5) < abs(nodes[half] - 0.5) else half
     now, before = abs(values[-1]), abs(values[half])
-    if not before < now:
-        return own
-    return grown(own, own * (before / now), 1.0 / nodes[half], m.limits.t_end / h)
-
-
-@inner
-def grown(own, before, stretch, left):
-    """Return the size at HORIZON times the present time, by the power of time from `before` on.
-
-    Time was multiplied by `stretch` since then, and will be by `left` until the end of the run.
-    """
-    power = math.log(own / before) / math.log(stretch) if before > LEAST else _LARGEST_POWER
-    return own * max(1.0, min(HORIZON, left)) ** min(power, _LARGEST_POWER)
+    return math.log(now / before) / -math.log(nodes[half]) if 0.0 < before < now else 0.0
 
 
 @inner
