@@ -72,11 +72,6 @@ def entropy(t, y, p):
 
 
 INFINITY = 1e300
-# Of runs whose component is negative by rounding next to an edge: both are true there.
-REASONS_AT_AN_EDGE = (
-    "the right-hand side is not finite just ahead",
-    "steps stay short wherever the solution goes on",
-)
 DOMAINS = {
     "tank": Domain(tank, 0.0, INFINITY, [0.0]),
     "Hill functions": Domain(hill, 0.0, INFINITY, [0.0, 0.0]),
@@ -122,8 +117,6 @@ def both(domain, order, how, amount, power, inside):
 def test_a_run_at_the_edge_is_the_one_whose_f_goes_on_beyond_it(
     name, order, how, amount, power, inside
 ):
-    # the next test has the runs that this law does not hold for
-    assume(not (name == "cascade" and order > 1 and inside == 0 and "rtol" in how))
     found, beyond = both(DOMAINS[name], order, how, amount, power, inside)
     assume(beyond.success)
     _, low, high, _ = DOMAINS[name]
@@ -131,18 +124,6 @@ def test_a_run_at_the_edge_is_the_one_whose_f_goes_on_beyond_it(
     assert found.success, found.message
     size = np.abs(beyond.y).max()
     assert np.abs(found.y[-1] - beyond.y[-1]).max() <= how.get("rtol", 1e-8) * size
-
-
-@pytest.mark.parametrize("power", [1.4, 1.6, 1.9])
-def test_a_third_component_below_rounding_is_solved_or_ends_with_a_reason(power):
-    """At order 1.5 it begins as a power of t above 6, whose sign rounding decides."""
-    for inside in (0.0, 1e-9):
-        found, beyond = both(DOMAINS["cascade"], 1.5, {"rtol": 1e-4}, 1.0, power, inside)
-        if found.success:
-            np.testing.assert_allclose(found.y[-1], beyond.y[-1], rtol=1e-4)
-        else:
-            assert (inside, found.status) == (0, "step_too_small")
-            assert any(reason in found.message for reason in REASONS_AT_AN_EDGE), found.message
 
 
 @pytest.mark.parametrize("how", WAYS, ids=repr)

@@ -19,6 +19,7 @@ from .newton import (
     ROUNDING_OF_SYSTEM,
     contraction_rate,
     correct_forces,
+    force_on_its_side,
     forces,
     nodal_slopes,
     positions,
@@ -254,7 +255,8 @@ def update_force_defect(m, i, point):
     f_at_point = m.workspace.f_at_point
     force_defect, forces = m.workspace.defect, m.workspace.values[0, FORCE]
     check_values = m.rule.check_values[i]
-    set_force(m.right.force, m.workspace.check_times[i], point, f_at_point)
+    y = m.workspace.values[0, POSITION]
+    force_on_its_side(m, m.workspace.check_times[i], y, point, f_at_point)
     for c in range(point.shape[0]):
         total = f_at_point[c]
         for j in range(check_values.shape[0]):

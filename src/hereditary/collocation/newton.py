@@ -17,6 +17,7 @@ from ..compiled.functions import set_force
 from ..compiled.jacobian import COLUMNS, ROWS, VALUES, add_derivative_by, is_sparse, magnitudes
 from ..compiled.jit import inner
 from ..compiled.linalg import (
+    bounded,
     clear,
     clear_matrix,
     dot,
@@ -59,6 +60,9 @@ _MIN_NEWTON_RTOL = 1e-10
 _ROUNDING_OF_PRIMARY = 4e-16
 # Rounding error of f, as fraction of |J| |y|, to which Newton's method need not converge.
 _ROUNDING_BY_F = 4e-15
+# Largest distance of y beyond its start in a first step, as fraction of the change of y in it. If f
+# is not finite there, f at the start is taken.
+_LITTLE_BEYOND = 1e-2
 # Rounding error of a linear system's solution, as fraction of its largest entry in units of scales.
 ROUNDING_OF_SYSTEM = 1e-15
 # Least absolute change of p at which Newton's method converges; a component whose tolerance is
@@ -106,10 +110,31 @@ def forces(m, x, f):
     for i in range(times.shape[0]):
         for c in range(point.shape[0]):
             point[c] = x[c, i]
-        set_force(m.right.force, times[i], point, f_at_point)
+        finite = force_on_its_side(m, times[i], x, point, f_at_point) and finite
         for c in range(point.shape[0]):
             f[c, i] = f_at_point[c]
-            finite = finite and abs(f_at_point[c]) < np.inf
+    return finite
+
+
+@inner
+def force_on_its_side(m, t, x, point, f):
+    """Set f (d,) to the right-hand side at y = point (d,) in a step; return if it is finite.
+
+    If it is not finite in a first step, components that are little beyond y at the start are moved
+    to the start. The side of y = x (d, s) at the last node is the right one. A component that grows
+    by a high power of time is smaller than the errors of its polynomial at early times.
+    """
+    x_start = m.orbit.x[0]
+    set_force(m.right.force, t, point, f)
+    finite, moved = bounded(f), False
+    for c in range(0 if finite or m.state.control.begins == 0.0 else f.shape[0]):
+        along, change = point[c] - x_start[c], x[c, -1] - x_start[c]
+        if along * change < 0.0 and abs(along) <= _LITTLE_BEYOND * abs(change):
+            point[c], moved = x_start[c], True
+    if moved:
+        m.state.counts.rhs += 1
+        set_force(m.right.force, t, point, f)
+        finite = bounded(f)
     return finite
 
 
