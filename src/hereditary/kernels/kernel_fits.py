@@ -418,27 +418,28 @@ def _rates_of_signed(
     pencils = []
     for last in (end, 1.0 + (ratio - 1.0) / _PENCIL_LENGTH_RATIO):
         times, h = np.linspace(1.0, last, _PENCIL_SAMPLES, retstep=True)
-        _, sizes, rows = np.linalg.svd(
-            sliding_window_view(kernel(times * t_min), _PENCIL_SAMPLES // 2)
+        sizes, columns = np.linalg.eigh(
+            sliding_window_view(kernel(times[1:] * t_min), _PENCIL_SAMPLES // 2)
         )
+        order = np.argsort(-np.abs(sizes))
+        sizes, columns = np.abs(sizes)[order], columns[:, order]
         counts = {min(_MAX_PENCIL, np.count_nonzero(sizes > cut * sizes[0])) for cut in _CUTS}
         found = []
         for n in sorted(counts):
-            kept = rows[:n].T
+            kept = columns[:, :n]
             poles = np.linalg.eigvals(np.linalg.lstsq(kept[:-1], kept[1:], rcond=None)[0])
             rates = -np.log(poles[poles != 0].astype(complex)) / h
             rates = np.maximum(rates.real, 0.0) + 1j * rates.imag
             pairs = rates[(rates.imag > 0) & (rates.imag < 0.99 * math.pi / h)]
             found.append(np.concatenate([rates[rates.imag == 0], pairs, pairs.conj()]))
         pencils.append(found)
+        # pencils of steep kernels may have no rates
+        yield from (rates for rates in found if rates.size and not rates.imag.any())
     grids = [
         _rate_grid(ratio, step * trapezoid_step(0.5, tol), tol, fading) for step in (1.0, 0.6, 0.4)
     ]
-    # pencils of steep kernels may have no rates
-    some = [rates for found in pencils for rates in found if rates.size]
-    yield from (rates for rates in some if not rates.imag.any())
     yield from grids[:2]
-    yield from (rates for rates in some if rates.imag.any())
+    yield from (rates for found in pencils for rates in found if rates.imag.any())
     yield grids[2]
     yield from (np.append(grid, found[len(found) // 2]) for found in pencils for grid in grids)
     yield from (np.append(grid, found[-2:][0]) for found in pencils for grid in grids[:2])
