@@ -17,7 +17,7 @@ from ..compiled.functions import set_force
 from ..compiled.jacobian import COLUMNS, ROWS, VALUES, add_derivative_by, is_sparse, magnitudes
 from ..compiled.jit import inner
 from ..compiled.linalg import (
-    bounded,
+    all_finite,
     clear,
     clear_matrix,
     dot,
@@ -126,7 +126,7 @@ def force_on_its_side(m, t, x, point, f):
     """
     x_start = m.orbit.x[0]
     set_force(m.right.force, t, point, f)
-    finite, moved = bounded(f), False
+    finite, moved = all_finite(f), False
     for c in range(0 if finite or m.state.control.begins == 0.0 else f.shape[0]):
         along, change = point[c] - x_start[c], x[c, -1] - x_start[c]
         if along * change < 0.0 and abs(along) <= _LITTLE_BEYOND * abs(change):
@@ -134,7 +134,7 @@ def force_on_its_side(m, t, x, point, f):
     if moved:
         m.state.counts.rhs += 1
         set_force(m.right.force, t, point, f)
-        finite = bounded(f)
+        finite = all_finite(f)
     return finite
 
 

@@ -196,6 +196,15 @@ def address_of_factors(n):
 
 
 @inner
+def all_finite(x):
+    """Return whether all components of x are finite."""
+    for c in range(x.shape[0]):  # noqa: SIM110 (numba takes no generator here)
+        if not abs(x[c]) < np.inf:
+            return False
+    return True
+
+
+@inner
 def bounded(x):
     """Return whether all components of x are finite and below `LARGEST` in size."""
     for c in range(x.shape[0]):  # noqa: SIM110 (numba takes no generator here)
