@@ -170,8 +170,8 @@ def test_either_of_rhs_and_jac_may_be_in_python(scheme):
     for rhs, slopes in ((compiled, Slopes()), (Model().method, jac), (Model(), Slopes())):
         sol = run(in_python(rhs, jac=slopes), scheme)
         np.testing.assert_allclose(sol.y[-1], expected.y[-1], rtol=1e-12)
-        # by rounding a kept Jacobian may do for one step more, or less
-        assert sol.stats["n_rhs"] == pytest.approx(expected.stats["n_rhs"], rel=0.05)
+        # by rounding a kept Jacobian may do for more steps, or fewer
+        assert sol.stats["n_rhs"] == pytest.approx(expected.stats["n_rhs"], rel=0.15)
 
 
 def reads_memory(t, y, memory, params):
