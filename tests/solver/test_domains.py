@@ -398,9 +398,65 @@ def test_growth_from_an_edge_follows_its_largest_solution(seed):
 
 
 def test_growth_that_no_first_step_resolves_names_the_edge():
-    steep = hd.Equation(hd.Caputo(0.2), lambda t, y: y**0.1 + t, 0.0)
+    steep = hd.Equation(hd.Caputo(0.1), lambda t, y: y**0.1 + t, 0.0)
     with pytest.warns(hd.SolveWarning):
-        ended = hd.solve(steep, 2.0, rtol=1e-6)
+        ended = hd.solve(steep, 2.0, rtol=1e-8)
     assert ended.status == "step_too_small"
     assert "no derivative at y(0) = 0" in ended.message
-    assert hd.solve(steep.replace(y0=1e-20), 2.0, rtol=1e-6).success
+    assert hd.solve(steep.replace(y0=1e-20), 2.0, rtol=1e-8).success
+
+
+def leaving(t, y, p):
+    """k y^q + c t^m, which may be continued by a constant below 0."""
+    k, q, c, m, clamped = p
+    z = np.maximum(y, 0.0) if clamped == 1.0 else y
+    return k * z**q + c * t**m
+
+
+def largest_solution(k, q, c, m, t_end):
+    """y(t_end) for y' = k y^q + c t^m, y(0) = 0, y > 0, by u = y^(1 - q) from a tiny time on."""
+
+    def slope(log_t, u):
+        t = np.exp(log_t)
+        return t * (1 - q) * (k + c * t**m * u ** (-q / (1 - q)))
+
+    begin, how = 1e-16, {"method": "DOP853", "rtol": 1e-12, "atol": 1e-40}
+    found = solve_ivp(slope, np.log([begin, t_end]), [(1 - q) * k * begin], **how)
+    return found.y[0, -1] ** (1 / (1 - q))
+
+
+@pytest.mark.parametrize("rtol", [1e-3, 1e-5, 1e-6, 1e-8, 1e-10])
+@pytest.mark.parametrize("clamped", [0.0, 1.0])
+@pytest.mark.parametrize(
+    ("k", "q", "c", "m"),
+    [(1.0, 0.3, 1.0, 1.0), (1.0, 0.5, 1.0, 2.0), (9.0, 0.1, 0.1, 3.0), (0.3, 0.2, 3.0, 1.0),
+     (2.0, 0.4, 5.0, 1.0), (0.2, 0.1, 1.0, 0.5)],
+)  # fmt: skip
+def test_growth_from_an_edge_leaves_at_once(k, q, c, m, clamped, rtol):
+    """y = 0 up to any time would solve the equation but for its force."""
+    equation = hd.Equation(hd.Caputo(1.0), leaving, 0.0, params=[k, q, c, m, clamped])
+    sol = hd.solve(equation, 1.0, rtol=rtol)
+    assert sol.success, sol.message
+    assert sol.y[-1, 0] == pytest.approx(largest_solution(k, q, c, m, 1.0), rel=rtol)
+
+
+def dipping(t, y, p):
+    return np.array([t - p[0], y[0] ** p[1]])
+
+
+@pytest.mark.filterwarnings("ignore::hereditary.SolveWarning")
+@pytest.mark.parametrize(
+    ("order", "depth", "power", "rtol"),
+    [
+        (1.0, 1e-3, 1.7, 1e-8),
+        (1.0, 1e-3, 2.5, 1e-10),
+        (0.4, 1e-3, 2.5, 1e-8),
+        (0.7, 1e-3, 1.7, 1e-6),
+    ],
+)
+def test_a_solution_that_leaves_the_domain_by_more_than_its_tolerance_ends(
+    order, depth, power, rtol
+):
+    """It comes back later: f beyond the edge must not be that at the edge."""
+    equation = hd.Equation(hd.Caputo(order), dipping, [0.0, 0.0], params=[depth, power])
+    assert not hd.solve(equation, 3.0, rtol=rtol).success

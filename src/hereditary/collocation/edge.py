@@ -92,7 +92,7 @@ def solve_at_edge(m, h):
             for i in range(s):
                 p[c, i] = m.orbit.p[0, c]
         positions(m, h, p, x_start, x)
-        if attempt == 1:
+        if attempt == 0:
             begin_above(m, x)
         for _ in range(_EDGE_NEWTON_MAXITER):
             m.state.counts.rhs += s
