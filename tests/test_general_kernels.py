@@ -217,7 +217,8 @@ def test_random_separate_rates_are_fitted_by_few(data):
 SIGNED = {
     "difference": (lambda t: np.exp(-t) - 0.9 * np.exp(-3 * t), 2),
     "rising at first": (lambda t: t * np.exp(-t), 3),
-    "of three stages": (lambda t: t**2 * np.exp(-3 * t), 120),
+    # a triple pole: rounding decides whether about 80 or 140 modes are tried first
+    "of three stages": (lambda t: t**2 * np.exp(-3 * t), 150),
     "one oscillation": (lambda t: np.exp(-0.1 * t) * np.cos(3 * t), 2),
     "a fast one": (lambda t: np.exp(-t) * np.cos(200 * t), 2),
     "an undamped one": (lambda t: np.cos(2 * t), 2),

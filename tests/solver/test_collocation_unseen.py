@@ -1,12 +1,9 @@
 """What steps chosen by a tolerance may overlook: jumps in y, forces that come late, first steps."""
 
-import re
-import warnings
 from itertools import product
 
 import numpy as np
 import pytest
-from problems import PROBLEMS
 from random_problems import error, proportional
 
 import hereditary as hd
@@ -72,10 +69,10 @@ def test_sliding_and_chattering_end_with_the_reason(rtol):
         hd.Caputo(1.0), lambda t, y: np.array([y[1], -y[0] - 0.5 * np.sign(y[1])]), [2.2, 0.0]
     )
     for equation, start in ((sliding, 0.0), (sticking, 2 * np.pi)):
-        with pytest.warns(hd.SolveWarning, match="slide or chatter"):
+        with pytest.warns(hd.SolveWarning, match="slide"):
             sol = hd.solve(equation, 20.0, rtol=rtol)
-        assert sol.status is hd.Status.STEP_TOO_SMALL
-        assert "slide or chatter" in sol.message
+        assert sol.status in (hd.Status.STEP_TOO_SMALL, hd.Status.SLIDING)
+        assert "slide" in sol.message
         assert start - rtol <= sol.t[-1] < start + 0.1
         assert sol.stats["n_steps"] < 5000
     assert sol.y[-1, 0] == pytest.approx(0.2, abs=5 * rtol)  # where it sticks
@@ -130,58 +127,18 @@ def infusions(t, y, p):
     return (1.0 if (t + p[3]) % p[0] < p[1] else 0.0) + np.sin(p[4] * t) - p[2] * y
 
 
-MISSES = "miss a force that acts for a short time: at t = (.*) the right"
-
-
-@pytest.mark.parametrize(("length", "least"), [(2.0, 1.0), (0.5, 0.75)])
-def test_pulses_that_nobody_named_are_seen_or_warned_of(length, least):
-    """Ten pulses of a 120th of the run, none silently wrong, and of a 480th, few.
-
-    A slow force makes the steps of the run long and many.
-    """
-    wrong = warned = 0
+@pytest.mark.parametrize("length", [2.0, 0.5])
+def test_pulses_that_nobody_named_are_seen(length):
+    """Ten pulses of a 120th and of a 480th of the run, in long steps that a slow force makes."""
     for alpha, phase in product((0.7, 1.0), np.linspace(0.0, 23.0, 8)):
         equation = hd.Equation(
             hd.Caputo(alpha), infusions, 1.0, params=[24.0, length, 0.1, phase, 0.3]
         )
         edges = np.add.outer(24.0 * np.arange(11) - phase, [0.0, length]).ravel()
         truth = hd.solve(equation, 240.0, rtol=1e-7, breaks=edges[(edges > 0) & (edges < 240)])
-        with warnings.catch_warnings(record=True) as found:
-            warnings.simplefilter("always")
-            sol = hd.solve(equation, 240.0, rtol=1e-4, max_steps=5000)
-        messages = [re.search(MISSES, str(one.message)) for one in found]
-        times = [float(message.group(1)) for message in messages if message]
-        assert all((t + phase + 1e-3) % 24.0 < length + 2e-3 for t in times)
-        if sol.success and np.abs(sol.y - truth(sol.t)).max() > 3e-4 * np.abs(sol.y).max():
-            wrong, warned = wrong + 1, warned + len(times)
-    assert warned >= least * wrong
-    assert wrong > 5 or length > 1.0
-
-
-def test_a_missed_force_is_named_once_at_the_users_time_and_can_be_left_out():
-    def late(t, y):
-        return (1.0 if t % 24.0 < 0.5 else 0.0) - y
-
-    equation = hd.Equation(hd.Caputo(1.0), late, 0.0, t_start=48.0)
-    how = {"t_end": 288.0, "rtol": 1e-3}
-    with pytest.warns(hd.SolveWarning, match=MISSES) as found:
-        hd.solve(equation, **how)
-    (message,) = (str(one.message) for one in found)
-    assert float(re.search(MISSES, message).group(1)) % 24.0 < 0.5
-    assert "breaks" in message
-    assert "max_step" in message
-    hd.solve(equation, **how, estimate=False)
-    hd.solve(equation, **how, max_step=0.25)
-
-
-@pytest.mark.parametrize("rtol", [1e-3, 1e-6, 1e-9])
-def test_no_smooth_run_is_warned_of(rtol):
-    """Any warning is an error here; at most as many looks as nodes, so short runs stay short."""
-    for problem in PROBLEMS:
-        sol = hd.solve(problem.equation(), problem.t_end, rtol=rtol)
+        sol = hd.solve(equation, 240.0, rtol=1e-4, max_steps=5000)
         assert sol.success
-    for scene in (hd.scenes.lorenz, hd.scenes.selkov, hd.scenes.duffing, hd.scenes.van_der_pol):
-        assert hd.solve(scene(), 30.0, rtol=rtol).success
+        assert np.abs(sol.y - truth(sol.t)).max() <= 1e-4 * np.abs(sol.y).max()
 
 
 def test_a_run_stops_at_its_last_step_and_goes_on():

@@ -23,7 +23,7 @@ from ..stepping.dense import Piece
 from ..stepping.state import State, check_identity, identity, state_of
 from ..stepping.status import Ending, Status, failed
 from ..stepping.stepper import Diagnostics, JumpingStepper, ResumableStepper, TangentStepper
-from ..stepping.times import breaks_ahead
+from ..stepping.times import breaks_ahead, together
 from ..support.checks import refuse
 from .algebraic import became_singular, settle_tangents, settled
 from .edge import begins_at_edge
@@ -43,10 +43,13 @@ from .endings import (
 )
 from .equations import integral_form
 from .first_rule import Variable, convolutions, first_rule, known_at_nodes, node_logs
-from .jumps import jump
+from .jumps import jacobian_beside_jump, jump
 from .march import (
     CRAWLING,
+    CROSSED,
+    FOUND,
     FULL,
+    JUMPING,
     ORDERS_NEEDED,
     REACHED,
     TOO_CLOSE,
@@ -108,6 +111,11 @@ _OVER_ROUNDING = 20.0
 _MAX_STEPS_PER_MARCH = 256
 # Closest distance of fits that are made before the run begins, as a fraction of the run.
 _MIN_FIRST_FIT_DISTANCE = 1e-6
+# Time within which f jumps three times by y if the solution slides, as fraction of the time.
+_PILED = 1e-9
+# Number of jumps within a short time, as fraction of the run, from which f is noise.
+_CROWD = 60
+_CROWDED = 1e-6
 # Unit of rounding of a component that no rejected step has shown to be rounding, as a part of the
 # unit of one that is.
 _UNTOLD = 0.05
@@ -139,6 +147,8 @@ class AdaptiveStepper(ResumableStepper, TangentStepper, JumpingStepper):
         Time that the march has reached.
     n_steps : int
         Number of accepted steps since t = 0.
+    found : list of float
+        Times at which the right-hand side jumps and nobody said so.
     """
 
     on_given_steps = False
@@ -156,6 +166,8 @@ class AdaptiveStepper(ResumableStepper, TangentStepper, JumpingStepper):
     ) -> None:
         scheme.check_terms(system)
         self.system, self._scheme, self._breaks = system, scheme, np.zeros(0)
+        self.found: list[float] = []
+        self._crossed = False  # whether the march is just beyond a jump by y
         self._view = view = (Reading if is_read(system) else Plain)(system)
         marched = view.system
         refuse_late(system, t_end)
@@ -182,6 +194,7 @@ class AdaptiveStepper(ResumableStepper, TangentStepper, JumpingStepper):
         self._at_singular_start, self._largest_error, self._kept = True, 0.0, 1
         self._peak = np.zeros((2, marched.d))  # largest |p| and |y| at starts of steps
         self._moved = np.zeros(marched.d)  # sum of |changes of y|
+        self._last_way = np.zeros(marched.d)  # change of y over the last jump by y
         self._ending = None
         self._limit_steps(t_end)
         self._prefit_kernels(t_end)
@@ -233,7 +246,7 @@ class AdaptiveStepper(ResumableStepper, TangentStepper, JumpingStepper):
                 # the steps before the exception are accepted
                 self._error, status = error, REACHED
             if self.n_steps > first:
-                self._orbit.record_step(float(self._control["last"]))
+                self._orbit.record_step(float(self._control["last"]), float(self._control["time"]))
             n += self.n_steps - first
             if status == TOO_CLOSE:
                 # the march returned before the step that lacks closer modes
@@ -244,6 +257,8 @@ class AdaptiveStepper(ResumableStepper, TangentStepper, JumpingStepper):
                     self._refine_modes(closest)
         if status == REACHED and self._error is None:
             self._set_origin(t_stop)
+        if status in (FOUND, CROSSED):
+            status = self._note_jump(status)
         at_starts = steps.at_starts[:n, :, :d]  # y of the orbit, then p
         if status in (FULL, TOO_CLOSE) and self.step_limits.is_stalled(
             *before, self.t, counts, t_stop, at_starts, self._still_sizes()
@@ -252,7 +267,7 @@ class AdaptiveStepper(ResumableStepper, TangentStepper, JumpingStepper):
         self._peak = np.maximum(self._peak, np.abs(at_starts).max(axis=0, initial=0.0)[::-1])
         if self.n_steps > _MAX_STEPS_PER_MARCH:  # over fewer steps errors of modes hardly add up
             self._moved += np.abs(np.diff(at_starts[:, 0], axis=0)).sum(axis=0)
-        if status not in (REACHED, FULL, TOO_CLOSE):
+        if status not in (REACHED, FULL, TOO_CLOSE, FOUND, CROSSED):
             lengths, last = (self._control["last"], self._control["next"]), self._orbit.last[0]
             is_noise = self._state.sizes <= NOISE * self._noise
             self._ending = ending(
@@ -265,6 +280,36 @@ class AdaptiveStepper(ResumableStepper, TangentStepper, JumpingStepper):
         *piece, errors = [array[:n] for array in steps]
         self._largest_error = max(self._largest_error, float(errors.max()))
         return PolynomialPieces(*piece)
+
+    def _note_jump(self, status: int) -> int:
+        """Let the march restart at a jump of f that it has found; return the status to go on with.
+
+        A jump by y is just ahead: the march restarts beyond it.
+        """
+        t = float(self._control["jump"])
+        if status == CROSSED and self._form.solves_slopes:
+            return JUMPING
+        if status == FOUND and t in self._breaks:
+            return JUMPING
+        if len(self.found) > _CROWD and t - self.found[-_CROWD] < _CROWDED * self._t_end:
+            return JUMPING
+        self.found.append(t)
+        if status == FOUND:
+            same = together(self._breaks, t, self.system.frame.start)  # rounded otherwise by f
+            self._breaks = np.union1d(self._breaks[~same], t)
+            if together(np.array(t), self.t, self.system.frame.start):  # the march is there
+                self._set_origin(t)
+                self._at_singular_start = True
+            return status
+        way, before = self._beyond - self._orbit.x[0], self._last_way
+        piled = len(self.found) > 2 and self.t - self.found[-3] <= _PILED * self.t
+        if piled and not way @ before < 0:
+            return JUMPING
+        self._orbit.shift(way)
+        self._at_singular_start, self._crossed, self._last_way = True, True, way
+        if piled:  # both sides push back
+            self._ending = Ending(Status.SLIDING)
+        return status
 
     @property
     def _sizes(self) -> np.ndarray:
@@ -343,6 +388,7 @@ class AdaptiveStepper(ResumableStepper, TangentStepper, JumpingStepper):
             )))  # fmt: skip
             return status
         finally:
+            self._beyond = workspace.point.copy()
             self._read_progress()
             give_back(taken)
 
@@ -383,7 +429,7 @@ class AdaptiveStepper(ResumableStepper, TangentStepper, JumpingStepper):
                 continue
             if values is not None:
                 self._largest_error = max(self._largest_error, float(steps.errors[0]))
-                self._ending = None
+                self._ending, self._crossed = None, False
                 self._finish_singular_start(h, variable, values, t_stop)
                 return FirstPiece(variable, t, h, steps.p[0], *steps.at_starts[0])
             if trial.at_edge:  # a longer step may have let y grow by decades
@@ -417,6 +463,8 @@ class AdaptiveStepper(ResumableStepper, TangentStepper, JumpingStepper):
             units=units,
         )
         jacobian_at_start(start, out)
+        if self._crossed and structure is None and not system.has_jac:
+            out = jacobian_beside_jump(system, start.t, start.x, units)
         return limits, out if structure is None else structure.matrix(out[VALUES]), units
 
     def _try_step(
@@ -577,7 +625,9 @@ class AdaptiveStepper(ResumableStepper, TangentStepper, JumpingStepper):
         ended = self._ending
         if ended is None and self.step_limits.used_up(self.n_steps) and self.t < self._t_end:
             ended = after_steps(self.n_steps)
-        if ended is None or ended.status is Status.BLOWN_UP:
+        if ended is None:
+            return None
+        if ended.status is Status.BLOWN_UP and self.t >= _NEXT_TO_START * self._t_end:
             return ended
         if self.n_steps <= _STEPS_AT_START and self._reads_table:
             return ROUGH_TABLE
@@ -629,17 +679,18 @@ class AdaptiveStepper(ResumableStepper, TangentStepper, JumpingStepper):
 
     @property
     def diagnostics(self) -> Diagnostics:
-        """Misfit of the kernels to the tolerance, and the time of a force that steps missed.
+        """Misfit of the kernels to the tolerance.
 
         The tolerance of memory that f reads is that of a step, because its errors add up. In
         renewal equations over 8 to 30 generations y errs by up to 11 errors of the kernel.
         """
         allowed = self.allowed.of_step if is_read(self.system) else self.allowed.of_run
         misfit = self._orbit.kernels.errors.misfit(allowed.rtol)
-        return Diagnostics(misfit=misfit, missed=float(self._control["missed"]))
+        return Diagnostics(misfit=misfit)
 
     def set_breaks(self, times: np.ndarray, t_end: float) -> None:
         """Set the times at which the march makes a singular start, because f may jump there."""
+        times = np.union1d(times, self.found)
         at_once, self._breaks = breaks_ahead(times, self.t, t_end, self.system.frame.start)
         self._at_singular_start |= at_once
 
@@ -653,6 +704,7 @@ class AdaptiveStepper(ResumableStepper, TangentStepper, JumpingStepper):
             "history_bytes": self._orbit.modes.nbytes,
             "kernel_error": self._orbit.kernels.errors.reported,
             "error_estimate": self._error_estimate(),
+            "jumps": [t + self.system.frame.start for t in self.found],
         }
 
     def _error_estimate(self) -> float:
@@ -679,7 +731,6 @@ class AdaptiveStepper(ResumableStepper, TangentStepper, JumpingStepper):
             refuse("resume", required, f"a run to {self._t_end}", f"{remedy} later runs")
         self.come_back(state.checkpoint)
         self._at_singular_start |= changed
-        self._control["missed"] = 0.0
         self._limit_steps(self._t_end)
 
     def checkpoint(self) -> tuple[tuple[np.ndarray, ...], OrbitAndTangents, bool]:
@@ -691,6 +742,7 @@ class AdaptiveStepper(ResumableStepper, TangentStepper, JumpingStepper):
         """Return to the time at which `checkpoint` was taken."""
         kept, orbit, self._at_singular_start = checkpoint
         self._go_on_from(kept, copy.deepcopy(orbit))
+        self.found = [t for t in self.found if t <= self.t]
 
     def expect_jumps(self, of_y: bool) -> None:
         """Prepare for jumps of f, and of y if `of_y`: make few steps at once, or refuse."""

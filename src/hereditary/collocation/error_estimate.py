@@ -11,11 +11,12 @@ import math
 
 import numpy as np
 
-from ..compiled.functions import set_force
 from ..compiled.jacobian import LEAST
 from ..compiled.jit import inner
-from ..compiled.linalg import clear, largest_of, put, put_matrix
+from ..compiled.linalg import clear, dot, largest_of, put, put_matrix
+from .found_jumps import ROUNDING_OF_F, look
 from .newton import (
+    CHECK_BEYOND,
     ROUNDING_OF_SYSTEM,
     contraction_rate,
     correct_forces,
@@ -29,7 +30,7 @@ from .newton import (
 )
 from .operators import FORCE, POSITION, PRIMARY, SLOPE, subtract_from_forces
 from .structures import ALGEBRAIC, AT_EDGE
-from .tolerances import ROUNDING_OF_SUMS, allowed_error, error_of_young, power_of_time
+from .tolerances import ROUNDING_OF_SUMS, allowed_error, error_of_growth, error_of_young
 
 # Smallest relative tolerance of tangents. Decayed tangents consist of rounding errors, which grow
 # when tangents are normalised.
@@ -45,35 +46,17 @@ _MAX_HIDDEN_DECAY = 0.03
 # smooth f the last Legendre coefficients estimate the error, because the integrals are more
 # accurate than f.
 _DEFECT_WEIGHT = 0.3
-# Rounding error of f as fraction of |J| |y|, where J is the Jacobian. It includes the growth of the
-# error by interpolation.
-_ROUNDING_OF_F = 2e-14
-# Change of p by the defect of f, in units of Newton's tolerance, above which the equations are
-# evaluated again at the nodes.
-_CHECK_BEYOND = 30.0
 # Change of p that Newton's method requires after this second evaluation of the equations, in units
 # of Newton's tolerance. Above it the step is rejected.
 _MAX_RESIDUAL_CHANGE = 10.0
 # Ratio of such a change to the one before up to which it is one more iteration, and no rejection.
 _MAX_RESIDUAL_CONTRACTION = 1e-2
-# Index of the first check point of a step that does not enter the step's error.
-FIRST_LOOK = 2
-# Largest number of check points in a run that do not enter the error of their step.
-_MAX_FREE_CHECKS = 256
-# Ratio of the defect of f at a check point that does not enter the error to the defect at the check
-# points that do. Only above it the steps may have missed a force.
-_MIN_DEFECT_RATIO_IF_MISSED = 30.0
-# Change of p over the step by such a defect, in units of Newton's tolerance. Only above it the
-# steps may have missed a force. One tolerance is 1,000 of these units.
-_MIN_CHANGE_IF_MISSED = 1000.0
 # Distance of the step's polynomial from y at the start, in tolerances, above which f at the start
 # enters the defect. Stiff systems miss the start by rounding.
 _MAX_START_MISMATCH = 10.0
 # Largest error of a step, in tolerances of y at its start. In a first step y may grow by decades.
 # Without this limit, orders 0.0158 and 1 - 1e-8 err by 1.8 tolerances at early times.
 _AT_START = 5.0
-# Part of the largest |p| in a first step up to which a component begins from little.
-_BEGINS_BELOW = 1e-3
 # Ratio of relative errors of two trial steps above which the shorter step does not reduce them.
 NO_LESS = 0.5
 # Largest error by rounding of f, as a fraction of |J| |y| summed over the step.
@@ -116,7 +99,7 @@ def estimate_error(m, h, local, values, p0, errors):
             elif q == POSITION:
                 rounding = ROUNDING_OF_SUMS * abs(values[q, c % d, -1])
             last, decay = legendre_tail(legendre, values[q, c % d], rounding)
-            if q == FORCE and abs(last) <= _ROUNDING_OF_F * force_scales[c % d]:
+            if q == FORCE and abs(last) <= ROUNDING_OF_F * force_scales[c % d]:
                 continue
             size = 1.0
             if k >= n_a:
@@ -171,7 +154,7 @@ def measure_force_defect(m, h):
     point, sizes = m.workspace.point, m.workspace.sizes
     misses_start = False
     clear(m.workspace.defect)
-    for i in range(FIRST_LOOK):
+    for i in range(m.workspace.check_times.shape[0]):
         set_point(m, h, i)
         for c in range(point.shape[0] if i == 0 else 0):
             size = max(abs(x_start[c]), abs(p0[c]))  # p(0) as well, for a singular start
@@ -187,63 +170,13 @@ def measure_force_defect(m, h):
 @inner
 def set_point(m, h, i):
     """Set `m.workspace.point` (d,) to y at check point i, by the step's polynomial of p."""
-    # primary (d, s): p at the nodes
-    above_one = m.equations.above_one
-    x_start, primary = m.orbit.x[0], m.workspace.values[0, PRIMARY]
-    check_values = m.rule.check_values
-    check_integrals, point = m.rule.check_integrals, m.workspace.point
-    for c in range(above_one.shape[0]):
-        total = 0.0
-        if above_one[c] == 0:
-            for j in range(primary.shape[1]):
-                total += check_values[i, j] * primary[c, j]
+    weights, integrals = m.rule.check_values[i], m.rule.check_integrals[i]
+    p, point, s = m.workspace.values[0, PRIMARY], m.workspace.point, weights.shape[0]
+    for c in range(point.shape[0]):
+        if m.equations.above_one[c] == 0:
+            point[c] = dot(weights, p[c], 0, s)
         else:
-            for j in range(primary.shape[1]):
-                total += check_integrals[i, j] * primary[c, j]
-            total = x_start[c] + h * total
-        point[c] = total
-
-
-@inner
-def look_once_more(m, h):
-    """Return a time of the step at which f differs from its polynomial through the nodes, or 0.
-
-    Forces that act for a short time may lie between the nodes of long steps. The run is divided
-    into `_MAX_FREE_CHECKS` equal intervals. The function evaluates f at one check point in each
-    interval at most, and at s check points in one step at most.
-    """
-    workspace, kinds, sums, check_values = (
-        m.workspace,
-        m.equations.kinds,
-        m.operators.sums,
-        m.rule.check_values,
-    )
-    point, f_at_point, at_nodes = workspace.point, workspace.f_at_point, workspace.values[0, FORCE]
-    defects = workspace.defect
-    force_scales, newton_tol = workspace.force_scales, workspace.newton_tol
-    spacing = m.limits.t_end / _MAX_FREE_CHECKS
-    before = m.state.control.origin + m.state.control.time
-    for i in range(FIRST_LOOK, workspace.check_times.shape[0]):
-        t = workspace.check_times[i]
-        if math.floor(t / spacing) == math.floor(before / spacing):
-            continue
-        before = t
-        m.state.counts.rhs += 1
-        set_point(m, h, i)
-        set_force(m.right.force, t, point, f_at_point)
-        for c in range(f_at_point.shape[0]):
-            defect = f_at_point[c]
-            for j in range(at_nodes.shape[1]):
-                defect -= check_values[i, j] * at_nodes[c, j]
-            alike = max(abs(defects[c]), _ROUNDING_OF_F * force_scales[c])
-            moved = abs(defect) * largest_of(sums[kinds[c]], 0, sums.shape[1])
-            if not (
-                abs(defect) <= _MIN_DEFECT_RATIO_IF_MISSED * alike
-                or moved <= _MIN_CHANGE_IF_MISSED * newton_tol[c]
-                or moved <= error_of_growth(m, h, c)
-            ):
-                return t
-    return 0.0
+            point[c] = m.orbit.x[0, c] + h * dot(integrals, p[c], 0, s)
 
 
 @inner
@@ -277,8 +210,8 @@ def defect_matters(m):
     for c in range(force_defect.shape[0]):
         size = largest_of(sums[kinds[c]], 0, sums.shape[1])
         if (
-            abs(force_defect[c]) > _ROUNDING_OF_F * force_scales[c]
-            and abs(force_defect[c]) * size > _CHECK_BEYOND * newton_tol[c]
+            abs(force_defect[c]) > ROUNDING_OF_F * force_scales[c]
+            and abs(force_defect[c]) * size > CHECK_BEYOND * newton_tol[c]
         ):
             return True
     return False
@@ -321,7 +254,7 @@ def add_force_defect(m):
     defect, nodal_errors = m.workspace.residual, m.workspace.change
     for c in range(d):
         excess = force_defect[c]
-        if abs(excess) <= _ROUNDING_OF_F * force_scales[c]:
+        if abs(excess) <= ROUNDING_OF_F * force_scales[c]:
             excess = 0.0
         for i in range(s):
             defect[c * s + i] = excess * sums[kinds[c], i]
@@ -442,21 +375,6 @@ def counts(m, h, c, largest, allowed):
 
 
 @inner
-def error_of_growth(m, h, c):
-    """Return the tolerance of what component c became in longer trials of a first step.
-
-    It grew there by the power of time that the second half of this step shows. The tolerance is 0
-    in other steps, for a component that does not begin from little, and without a longer trial.
-    """
-    state, p = m.state, m.workspace.values[0, PRIMARY, c]
-    largest = largest_of(p, 0, p.shape[0])
-    little = abs(m.orbit.p[0, c]) <= _BEGINS_BELOW * largest
-    if state.control.begins == 0.0 or not little or not h < state.since[c] < np.inf:
-        return 0.0
-    return m.limits.rtol * largest * (state.since[c] / h) ** power_of_time(m.rule.nodes, p)
-
-
-@inner
 def is_least(m, h, c, largest):
     """Return whether no shorter step reduces the error of component c, relative to its largest |p|.
 
@@ -487,10 +405,12 @@ def orbit_error(m, h, table_index):
     workspace, values = m.workspace, m.workspace.values
     counts, start = m.state.counts, m.orbit.initial[0]
     measure_force_defect(m, h)
-    counts.rhs += FIRST_LOOK
+    counts.rhs += workspace.check_times.shape[0]
     # from an edge, the infinite slope of f turns a small error of y into a large one of f
     at_edge = m.stages.control[AT_EDGE] == 1.0
-    missed = 0.0 if at_edge else look_once_more(m, h)
+    m.state.control.missed = 0.0 if at_edge else look(m, h)
+    if m.state.control.missed > 0.0:
+        return np.inf, True
     if not at_edge and defect_matters(m):
         counts.rhs += workspace.times.shape[0]
         if not equations_hold(m, h):
@@ -502,8 +422,6 @@ def orbit_error(m, h, table_index):
     ratio_at_nodes = error_ratio(m, h)
     add_force_defect(m)
     ratio = error_ratio(m, h)
-    if ratio <= 1.0 and missed > 0.0:
-        m.state.control.missed = missed
     return ratio, ratio_at_nodes <= 1.0 and not ratio <= 1.0
 
 

@@ -109,7 +109,7 @@ def first_rule(variable: Variable, orders: tuple[float, ...]) -> Rule:
     unused = np.full((n, n), np.nan)  # equations with p' begin with tiny steps
     parts = np.exp(logs), integrals, to_legendre(n), unused, np.exp(looks), seen
     looked = _at_products(n, True)[..., -1].T @ to_legendre(n)  # the last node is 1
-    return checked(Rule(*(np.array(part, order="C") for part in (*parts, looked))))
+    return checked(Rule(*(np.array(part, order="C") for part in (*parts, looked, variable[:3]))))
 
 
 @lru_cache(maxsize=64)

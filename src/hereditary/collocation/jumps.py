@@ -20,6 +20,8 @@ _LAG_NEXT_TO_0 = 1e-300
 _JUMP_NEWTON_MAXITER = 100
 # Relative change of p at which Newton's method for a jump ends.
 _JUMP_NEWTON_RTOL = 1e-14
+# Step of one-sided differences next to a jump, relative to a component or its unit.
+_ONE_SIDED = 1e-7
 # Largest condition number of a linear system for a change.
 _MAX_CONDITION_AT_JUMPS = 1e14
 
@@ -90,3 +92,16 @@ def _coefficients_of_p(form: Form) -> np.ndarray:
         if k == ITSELF and q == PRIMARY:
             total[c % d] += coefficient
     return total
+
+
+def jacobian_beside_jump(system: System, t: float, y: np.ndarray, units: np.ndarray) -> np.ndarray:
+    """Return the Jacobian (d, d) of f at y (d,) next to a jump of f by y, by one-sided differences.
+
+    Each column has the smaller of the differences to both sides. The other one has the jump in it.
+    """
+    f, steps = system.rhs(t, y), _ONE_SIDED * np.maximum(units, np.abs(y))
+    sides = [
+        [(system.rhs(t, y + sign * step * unit) - f) / (sign * step) for sign in (1, -1)]
+        for step, unit in zip(steps, np.eye(y.size), strict=True)
+    ]
+    return np.array([min(pair, key=lambda column: np.abs(column).max()) for pair in sides]).T

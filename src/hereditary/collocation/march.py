@@ -19,6 +19,7 @@ from ..compiled.reach import set_moved, set_reach
 from ..compiled.reference import Reference
 from .edge import solve_at_edge
 from .error_estimate import NO_LESS, orbit_error, tangents_error
+from .found_jumps import find_jump, step_over
 from .mode_tables import (
     advance_modes,
     fill_kernels,
@@ -222,7 +223,10 @@ def extrapolate(m, h):
 # - TOO_ROUGH: no step is short enough for the tolerance. NEWTON_FAILED: none for Newton's method.
 # - ORDERS_NEEDED: the next step needs tables of varying orders, which Python fills.
 # - JUMPING: the right-hand side jumps. CRAWLING: steps stay short without progress.
-REACHED, FULL, TOO_CLOSE, TOO_ROUGH, NEWTON_FAILED, ORDERS_NEEDED, JUMPING, CRAWLING = range(8)
+# - FOUND: the right-hand side jumps at the time `control.jump`, before the end of the step.
+# - CROSSED: the right-hand side jumps by y just ahead; y beyond the jump is `workspace.point`.
+REACHED, FULL, TOO_CLOSE, TOO_ROUGH, NEWTON_FAILED = range(5)
+ORDERS_NEEDED, JUMPING, CRAWLING, FOUND, CROSSED = range(5, 10)
 # Largest ratio of the next step's length to the present one.
 _MAX_FACTOR = 3.0
 # Smallest ratio of the next step's length to the present one.
@@ -231,6 +235,14 @@ _MIN_FACTOR = 0.2
 _SAFETY = 0.8
 # Number of steps after which the reach of components is found again, if no size grows.
 _STEPS_PER_REACH = 8
+# Distance from a jump by y, over its time, at which the march restarts beyond the jump.
+_AT_JUMP = 1e-13
+# Length of a step that ends before a jump by y, as a fraction of the distance to it.
+_SHORT_OF_JUMP = 0.9
+# Ratio of error to tolerance from which a jump is searched after the first rejection of a step.
+_JUMPY = 1e4
+# Largest number of searches for a jump between two accepted steps.
+_SEARCHES = 4
 # Time just after the start at which f makes the first reach, as a fraction of the run. At the start
 # itself f may be 0 or infinite.
 _LATER_START = 1e-3
@@ -247,7 +259,7 @@ def take_steps(march):
     control, counts, stages = m.state.control, m.state.counts, m.stages
     local, values, s = m.tables.local, m.workspace.values, rule.nodes.shape[0]
     lowest, row, assembled_for = lowest_order(equations), 0, -1.0
-    was_rejected, end = control.rejected == 1.0, limits.stop - control.origin
+    was_rejected, end, searches = control.rejected == 1.0, limits.stop - control.origin, 0
     while control.time < end:
         if row == m.steps.starts.shape[0]:
             return row, FULL
@@ -274,18 +286,33 @@ def take_steps(march):
         planned = next_length(h, control.next, ratio, was_rejected, s + lowest)
         planned = worth_new_factors(h, planned, ratio, stages)
         control.next = min(planned, longest)
-        was_rejected = not ratio <= 1.0
+        twice, was_rejected = was_rejected, not ratio <= 1.0
         control.rejected = 1.0 if was_rejected else 0.0
         if was_rejected:
             counts.rejected += 1
             counts.by_defect += int(by_defect)
             if solved:
                 note_errors(m, h)
+            likely = by_defect or twice or ratio > _JUMPY
+            if control.begins == 0.0 and likely and searches < _SEARCHES:
+                searches += 1
+                control.jump, by_y = find_jump(m, solved)
+                left = control.jump - control.origin - t
+                if control.jump > 0.0 and not by_y:
+                    return row, FOUND
+                if (
+                    control.jump > 0.0
+                    and left <= _AT_JUMP * control.jump
+                    and step_over(m, control.jump)
+                ):
+                    return row, CROSSED
+                if control.jump > 0.0 and left < h:
+                    control.next = _SHORT_OF_JUMP * left
             overflows = not ratio < np.inf and not (bounded(orbit.x[0]) and bounded(orbit.p[0]))
             if overflows or not t + 0.01 * control.next > t:
                 return row, reason_of_refusal(by_defect, solved)
             continue
-        counts.accepted += 1
+        counts.accepted, searches = counts.accepted + 1, 0
         if raise_sizes(values[0], m.state.sizes) or counts.accepted % _STEPS_PER_REACH == 0:
             set_reach(stages.jacobians[0], equations.rates, m.state.sizes, m.state.reach)
         note_growth(m, h)

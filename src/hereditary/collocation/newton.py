@@ -28,6 +28,7 @@ from ..compiled.linalg import (
     put_matrix,
 )
 from ..compiled.newton import ACCEPT, FAIL, ITERATE, REFRESH
+from ..compiled.reach import SMALL
 from ..compiled.signatures import FACTORISE, SUBSTITUTE
 from .operators import FORCE, POSITION, PRIMARY
 from .stages import set_scales, stage_matrix, substitute_scaled
@@ -60,9 +61,8 @@ _MIN_NEWTON_RTOL = 1e-10
 _ROUNDING_OF_PRIMARY = 4e-16
 # Rounding error of f, as fraction of |J| |y|, to which Newton's method need not converge.
 _ROUNDING_BY_F = 4e-15
-# Largest distance of y beyond its start in a first step, as fraction of the change of y in it. If f
-# is not finite there, f at the start is taken.
-_LITTLE_BEYOND = 1e-2
+# Change of p by a wrong f, in units of Newton's tolerance, above which f is evaluated again.
+CHECK_BEYOND = 30.0
 # Rounding error of a linear system's solution, as fraction of its largest entry in units of scales.
 ROUNDING_OF_SYSTEM = 1e-15
 # Least absolute change of p at which Newton's method converges; a component whose tolerance is
@@ -120,16 +120,17 @@ def forces(m, x, f):
 def force_on_its_side(m, t, x, point, f):
     """Set f (d,) to the right-hand side at y = point (d,) in a step; return if it is finite.
 
-    If it is not finite in a first step, components that are little beyond y at the start are moved
-    to the start. The side of y = x (d, s) at the last node is the right one. A component that grows
-    by a high power of time is smaller than the errors of its polynomial at early times.
+    If it is not finite in a first step, components that are beyond y at the start by their error
+    only are moved there. The side of y = x (d, s) at the last node is the right one. A
+    component that grows by a high power of time is smaller than the errors of its polynomial at
+    early times.
     """
     x_start = m.orbit.x[0]
     set_force(m.right.force, t, point, f)
     finite, moved = all_finite(f), False
     for c in range(0 if finite or m.state.control.begins == 0.0 else f.shape[0]):
         along, change = point[c] - x_start[c], x[c, -1] - x_start[c]
-        if along * change < 0.0 and abs(along) <= _LITTLE_BEYOND * abs(change):
+        if along * change < 0.0 and abs(along) <= m.limits.rtol * abs(change):
             point[c], moved = x_start[c], True
     if moved:
         m.state.counts.rhs += 1
@@ -224,6 +225,7 @@ def solve_stages(m, h):
             control[KEPT] = 0.0
             jacobians = stages.jacobians[: 1 if sweep == 0 else s]
         if control[KEPT] == 0.0:
+            raise_units(m, h, f)
             counts.rhs += stage_jacobians(m, x, jacobians)
             control[KEPT], control[LENGTH], control[REDUCED], fresh = 1.0, 0.0, 0.0, True
             set_scales(m.state, workspace.sizes, workspace.units, stages)
@@ -259,14 +261,33 @@ def solve_stages(m, h):
         answer = verdict(size, previous, rate, sweep, fresh)
         if answer == ACCEPT:
             correct_forces(jacobians, before, x, f, workspace.moved)
-            return True
-        if answer != ITERATE:
+            if sweep > 0 or holds_at_end(m, x, f):
+                return True
+        elif answer != ITERATE:
             control[KEPT] = 0.0
         if answer == FAIL:
             return False
         previous = size
     control[KEPT] = 0.0
     return False
+
+
+@inner
+def holds_at_end(m, x, f):
+    """Return whether f (d, s) at the last node, corrected after one iteration, is that at y = x.
+
+    Between the first guess and y, (d, s), the right-hand side may jump.
+    """
+    point, f_at_point, last = m.workspace.point, m.workspace.f_at_point, x.shape[1] - 1
+    for c in range(point.shape[0]):
+        point[c] = x[c, last]
+    m.state.counts.rhs += 1
+    set_force(m.right.force, m.workspace.times[last], point, f_at_point)
+    for c in range(point.shape[0]):
+        moved = abs((f_at_point[c] - f[c, last]) * m.operators.sums[m.equations.kinds[c], last])
+        if not moved <= CHECK_BEYOND * m.workspace.newton_tol[c]:
+            return False
+    return True
 
 
 @inner
@@ -322,6 +343,21 @@ def iterate_once(m, p, x, f):
         for i in range(s if implicit[c] == 0 else 0):
             p[c, i] -= residual[c * s + i]
     return found
+
+
+@inner
+def raise_units(m, h, f):
+    """Raise the units of components, (d,), to a part of what f (d, s) makes of them in the step.
+
+    Where a force sets in, rounding of f would hide the differences over smaller increments.
+    """
+    sums, kinds, above_one = m.operators.sums, m.equations.kinds, m.equations.above_one
+    for c in range(kinds.shape[0]):
+        made = largest_of(f[c], 0, f.shape[1]) * abs(sums[kinds[c], -1])
+        made = SMALL * made * (h if above_one[c] == 1 else 1.0)
+        m.workspace.units[c] = (
+            made if m.workspace.units[c] < made < np.inf else m.workspace.units[c]
+        )
 
 
 @inner

@@ -76,7 +76,7 @@ class OrbitAndTangents:
         self._n_rows = form.n_rows + d * form.unweighted.size
         self.modes = self.before = np.zeros((n_columns, self._n_rows, 0))
         self.last = np.zeros((n_columns, form.n_integrands, d, n_nodes))
-        self.last_length, self._singular, self._prefitted = 0.0, None, None
+        self.last_length, self.since, self._singular, self._prefitted = 0.0, 0.0, None, None
         self._equations = None
         self._take(no_modes(len(form.varying), n_nodes))
 
@@ -159,9 +159,10 @@ class OrbitAndTangents:
         for array in self.linear_arrays():
             array[1:] = np.tensordot(matrix.T, array[1:], axes=1)
 
-    def record_step(self, length: float) -> None:
-        """Record the length of the last step, an ordinary one."""
-        self.last_length, self._singular, self._last_offsets = length, None, self.offsets
+    def record_step(self, length: float, since: float) -> None:
+        """Record the length of the last step, an ordinary one, and the time since the last stop."""
+        self.last_length, self.since = length, since
+        self._singular, self._last_offsets = None, self.offsets
 
     def prefit_kernels(
         self, closest: float, farthest: float, t_end: float, tol: float
@@ -209,7 +210,7 @@ class OrbitAndTangents:
 
         `values` (1 + k, 3, d, n) are f, p and y at the n nodes of this step, `length` its length.
         """
-        self.last_length, self._singular = length, (variable, values)
+        self.last_length, self.since, self._singular = length, length, (variable, values)
         self._last_offsets = self.offsets
         rates = self.power_laws.rates
         if rates.size and rates[0] == 0.0:  # see absorb_constant_mode

@@ -16,9 +16,6 @@ from .structures import Rule
 # Number of Chebyshev orders a at which the integrals J**a are tabulated. Between these orders the
 # integrals, entire functions of a, are interpolated.
 _N_ORDERS = 24
-# Position of a check point in each of s equal parts of a step, as fraction of the part. It is
-# irrational, so that the check points coincide with no period of f.
-_LOOK = (5**0.5 - 1) / 2
 
 
 @lru_cache(maxsize=16)
@@ -89,7 +86,8 @@ def rule_of(s: int, orders: tuple[float, ...]) -> Rule:
     """Return the `Rule` of s nodes with fractional integrals of these orders; the last one is 1."""
     singular = integrals_of_rows(s, np.repeat(np.array(orders)[:, None], s, axis=1))
     matrices = radau_nodes(s), singular, to_legendre(s), _slopes(s)
-    return checked(Rule(*(np.array(part) for part in (*matrices, *check_points(s)))))
+    parts = *matrices, *check_points(s), (1.0, 1.0, 0.0)
+    return checked(Rule(*(np.array(part) for part in parts)))
 
 
 @lru_cache(maxsize=16)
@@ -141,13 +139,10 @@ def through_start(s: int) -> np.ndarray:
 
 @lru_cache(maxsize=16)
 def check_points_of(s: int) -> np.ndarray:
-    """Return the points of a step, besides its nodes, at which f is checked, (2 + s,).
-
-    The first two enter the error of every step. The others only show forces that steps missed.
-    """
+    """Return the points of a step, besides its nodes, at which f is checked, (2,)."""
     ends = np.concatenate([[0.0], radau_nodes(s)])
     # of all midpoints between nodes, this one shows most often that a solution slides along a jump
-    return _frozen(np.concatenate([[0.0, ends[s - 2 : s].mean()], (np.arange(s) + _LOOK) / s]))
+    return _frozen(np.array([0.0, ends[s - 2 : s].mean()]))
 
 
 @lru_cache(maxsize=16)
@@ -156,11 +151,11 @@ def check_points(s: int) -> tuple[np.ndarray, ...]:
 
     Returns
     -------
-    points : ndarray, shape (2 + s,)
-        The start, the midpoint of the last node but two and the last but one, and s more points.
-    integrals : ndarray, shape (2 + s, s)
+    points : ndarray, shape (2,)
+        The start, and the midpoint of the last node but two and the last but one.
+    integrals : ndarray, shape (2, s)
         Matrix from nodal values to the integral of their polynomial from the start to each point.
-    values_there : ndarray, shape (2 + s, s)
+    values_there : ndarray, shape (2, s)
         Matrix from nodal values to the values of their polynomial at each point.
     """
     points = check_points_of(s)

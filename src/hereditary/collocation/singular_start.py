@@ -92,7 +92,9 @@ def trials(
     """
     just_after = system.beside(t, 1) if t > 0 else 0.0
     smallest = form.generators[0]
-    most = min(left / 16, longest, _OF_LAST * (orbit.last_length or np.inf))
+    # steps before a jump by y are short, however far the last singularity is
+    before = max(_OF_LAST * orbit.last_length, orbit.since)
+    most = min(left / 16, longest, before or np.inf)
     yield from _trials_at_edge(system, form, most, just_after, orbit.x[0], units, jacobian)
     rates = _decay_rates(jacobian) if smallest < _MAX_BENT_GENERATOR else np.zeros(0)
     for h in most * _TRIAL_LENGTH_RATIO ** np.arange(_BENT_TRIALS if rates.size else 0):
@@ -112,6 +114,7 @@ def trials(
         rate = float(np.sqrt(np.abs(own * own.T)).sum(axis=1).max())
     # over the first trial step the solution changes by about half of its size
     first = most if rate * most**order < 0.5 else (0.5 / rate) ** (1 / order)
+    first = first if t + first > t else most  # rounding of t hides a shorter one
     for generators, variable, of_terms in variables:
         h = first
         while t + h > t and h > least:

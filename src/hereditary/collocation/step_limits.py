@@ -10,6 +10,10 @@ MAX_STEPS = 1_000_000
 # Longest step while the solution is at rest, as fraction of the run. A longer step could miss a
 # force that sets in later.
 _DORMANT = 1 / 32
+# Distance of the times at which f is looked at between the nodes, as fraction of the run. A call of
+# a function in Python takes as long as two hundred calls of a compiled one.
+_LOOKS = 1 / 600
+_LOOKS_IN_PYTHON = 1 / 150
 # A run stalls after this many consecutive blocks, of 200 steps or more each, that are still and
 # slow. The last block then covers at most twice the time of the first.
 _STALLED_BLOCKS = 4
@@ -60,10 +64,11 @@ class StepLimits:
         tolerances: tuple[float, np.ndarray, float],
     ) -> Limits:
         """Return the `Limits` of a march from `origin` to `t_stop`, with tolerances `Allowed`."""
+        looks = _LOOKS_IN_PYTHON if system.callbacks else _LOOKS
         (longest, idle), (rtol, atol, by_size) = self.longest, tolerances
         return Limits(
             t_stop, system.beside(origin, 1), system.beside(t_stop, -1), longest, idle,
-            rtol, atol, by_size, self._t_end,
+            rtol, atol, by_size, self._t_end, looks * self._t_end,
         )  # fmt: skip
 
     def used_up(self, n_steps: int) -> bool:

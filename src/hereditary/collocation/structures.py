@@ -47,7 +47,8 @@ TERM = np.dtype(
 # - worst: component with the largest ratio of error to tolerance in the last trial step.
 # - tried: length of the last rejected step.
 # - begins: 1 in a first step, where components may grow from nothing.
-# - missed: last time at which f differed from its polynomial between the nodes, or 0.
+# - missed: time in a rejected step at which f differed from its polynomial, or 0.
+# - jump: time of the last jump of f that was found, or 0.
 _TIMES = (
     "time",
     "next",
@@ -57,6 +58,7 @@ _TIMES = (
     "origin",
     "worst",
     "missed",
+    "jump",
     "tried",
     "begins",
 )
@@ -125,9 +127,10 @@ class Rule(NamedTuple):
     - integrals (n_a, s, s): fractional integrals from the start to each node.
     - legendre (s, s): Legendre coefficients of the polynomial through the values.
     - inverse (s, s): inverse of the integrals of order 1.
-    - check_points (m,): m = 2 + s points off the nodes; the first two enter the error of a step.
+    - check_points (m,): m = 2 points off the nodes that enter the error of a step.
     - check_integrals, check_values (m, s): integral from the start to each check point, and value
       there, of the polynomial through the values.
+    - variable (3,): the numbers q, m and c of a first step's `Variable`.
     """
 
     nodes: Vector
@@ -137,6 +140,7 @@ class Rule(NamedTuple):
     check_points: Vector
     check_integrals: Matrix
     check_values: Matrix
+    variable: Vector
 
 
 class ExponentialBasis(NamedTuple):
@@ -289,6 +293,7 @@ class Limits(NamedTuple):
     - rtol, atol (d,), by_size: a component y may err by ``atol + rtol |y| + by_size size``. Its
       size is the largest |y| so far (see `StageWorkspace.sizes`).
     - t_end: length of the run.
+    - looks: distance of the times at which f is looked at between the nodes.
     """
 
     stop: float
@@ -300,6 +305,7 @@ class Limits(NamedTuple):
     atol: Vector
     by_size: float
     t_end: float
+    looks: float
 
 
 class FirstJacobian(NamedTuple):

@@ -15,7 +15,7 @@ from ..compiled.jacobian import LEAST
 from ..compiled.jit import inner
 from ..compiled.linalg import largest_of
 from ..compiled.reach import HORIZON, SMALL, YOUNG
-from .operators import POSITION
+from .operators import POSITION, PRIMARY
 from .step_limits import MAX_STEPS
 
 # Largest error of one step, as fraction of the tolerance of a run. With 1, undamped pairs of order
@@ -254,6 +254,22 @@ def power_of_time(nodes, values):
         half = i if abs(nodes[i] - 0.5) < abs(nodes[half] - 0.5) else half
     now, before = abs(values[-1]), abs(values[half])
     return math.log(now / before) / -math.log(nodes[half]) if 0.0 < before < now else 0.0
+
+
+@inner
+def error_of_growth(m, h, c):
+    """Return the tolerance of what component c became in longer trials of a first step.
+
+    It grew there by the power of time that the second half of this step shows. The tolerance is 0
+    in other steps and without a longer trial. It is 0 for a component that does not begin from 0,
+    or that no other one drives.
+    """
+    state, p = m.state, m.workspace.values[0, PRIMARY, c]
+    largest = largest_of(p, 0, p.shape[0])
+    driven = abs(m.orbit.p[0, c]) <= LEAST < state.reach[c]
+    if state.control.begins == 0.0 or not driven or not h < state.since[c] < np.inf:
+        return 0.0
+    return m.limits.rtol * largest * (state.since[c] / h) ** power_of_time(m.rule.nodes, p)
 
 
 @inner

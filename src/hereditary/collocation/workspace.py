@@ -54,7 +54,7 @@ def take_workspace(
         d, columns = form.above_one.size, (len(modes), form.n_rows)
         values = len(modes), form.n_integrands, d, s
         weights = empty_weights(form, modes.shape, offsets, s)
-        workspace = empty_workspace(columns, values, own.stages, s + 2)
+        workspace = empty_workspace(columns, values, own.stages, 2)
         operators = empty_operators(*columns, form.kinds, s)
         return Workspace(own, checked(operators), checked(weights), checked(workspace))
 

@@ -419,7 +419,7 @@ def _rates_of_signed(
     for last in (end, 1.0 + (ratio - 1.0) / _PENCIL_LENGTH_RATIO):
         times, h = np.linspace(1.0, last, _PENCIL_SAMPLES, retstep=True)
         sizes, columns = np.linalg.eigh(
-            sliding_window_view(kernel(times[1:] * t_min), _PENCIL_SAMPLES // 2)
+            sliding_window_view(kernel(times[:-1] * t_min), _PENCIL_SAMPLES // 2)
         )
         order = np.argsort(-np.abs(sizes))
         sizes, columns = np.abs(sizes)[order], columns[:, order]

@@ -215,8 +215,8 @@ class Provenance:
             return _with_no_estimate(solution, found)
         accuracy = self._compared(solution, found, _RTOL)
         unknown = self._lacking(found, most)
-        if not found.stepper.diagnostics.missed:
-            _warn(accuracy, f"{n} steps of {self.scheme!r}", unknown)
+        jumps = solution.stats["jumps"] = found.solution.stats["jumps"]
+        _warn(accuracy, f"{n} steps of {self.scheme!r}", unknown, jumps)
         if accuracy.t.size == 0:
             unknown = unknown or "every row is at a jump of y"
         if unknown:
@@ -256,8 +256,6 @@ class Provenance:
     def _lacking(self, found: Outcome, most: int) -> str:
         """Return why an accurate run does not tell the error; empty if it does."""
         other, stepper = found.solution, found.stepper
-        if stepper.diagnostics.missed:
-            return f"{_ACCURATE} misses a force that acts for a short time"
         if other.success:
             return ""
         if other.status is Status.MAX_STEPS:
@@ -390,10 +388,11 @@ def _with_no_estimate(solution: Solution, why: str) -> Solution:
     return solution
 
 
-def _warn(accuracy: Accuracy, steps: str, unknown: str) -> None:
+def _warn(accuracy: Accuracy, steps: str, unknown: str, jumps: list[float]) -> None:
     """Warn of large errors, and if an accurate run takes many steps or ends early.
 
-    `unknown` says why that run has not reached the end; it is empty if it has.
+    `unknown` says why that run has not reached the end; it is empty if it has. `jumps` are times at
+    which the right-hand side jumps, and nobody said so.
     """
     largest, errors = float(accuracy.largest.max()), ""
     ended, more = unknown.startswith(_ENDS), unknown.startswith(_MORE)
@@ -408,7 +407,7 @@ def _warn(accuracy: Accuracy, steps: str, unknown: str) -> None:
         )
     if ended:
         text = f"{unknown}, which {steps} pass over; {errors}{errors and '; '}later errors are "
-        text += "unknown: name times of jumps in breaks, or compare with twice the steps"
+        text += "unknown: compare with twice the steps"
         warn(f"{text}; {_LEFT_OUT}", SolveWarning)
         return
     if more:
@@ -421,6 +420,8 @@ def _warn(accuracy: Accuracy, steps: str, unknown: str) -> None:
         )
     else:
         text = f"{errors}, with {steps}"
+    if jumps:
+        text += f"; the right-hand side jumps at t = {jumps[0]:.10g}, where they are of first order"
     warn(f"{text}; take rtol=1e-6, or more steps; {_LEFT_OUT}", SolveWarning)
 
 

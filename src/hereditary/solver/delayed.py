@@ -398,9 +398,16 @@ class DelayedStepper(ResumableStepper, JumpingStepper):
         except Exception as error:  # of a past, or of a delay that varies
             self._error = error
             return None
+        n_found = 0 if self.on_given_steps else len(self._inner.found)
         piece = self._inner.advance(min(stop, last))
         if piece is not None:
             self._solved.append(Solved(start, self._inner.t, piece))
+        found = [] if self.on_given_steps else self._inner.found[n_found:]
+        if found:
+            self._breaks = np.union1d(self._breaks, found)
+            self._roots += [(t, 0.0) for t in found]
+            self._kinks = np.union1d(self._kinks, self._later([(t, 0.0) for t in found]))
+            self._set_marks(np.append(self._breaks, self._t_end))
         return piece if keep else None
 
     def _earliest(self) -> float:

@@ -12,9 +12,8 @@ import numpy as np
 from ..compiled.callbacks import PythonRaised, pass_on
 from ..compiled.jacobian import FEW
 from ..stepping.state import State
-from ..stepping.status import Ending, SolveWarning, Status
+from ..stepping.status import Ending, Status
 from ..stepping.stepper import Diagnostics, ResumableStepper, Stepper
-from ..support.warning import warn
 from .output import Output
 from .progress import Interruption, ProgressBar
 from .solution import Solution, warn_of
@@ -144,22 +143,6 @@ def go_back(stepper: Stepper, checkpoint: tuple, t: float) -> None:
     stop = stepper.stop_at(t).position
     while stepper.position < stop and stepper.failure is None:
         stepper.advance(stop, keep=False)
-
-
-def note_missed(solution: Solution, stepper: Stepper) -> None:
-    """Warn if the steps of a successful run missed a force that acts for a short time.
-
-    Such a force shows as a difference of f and its interpolant between the nodes of a step.
-    """
-    missed = stepper.diagnostics.missed
-    if solution.success and missed:
-        t = missed + stepper.system.frame.start
-        warn(
-            f"the steps miss a force that acts for a short time: at t = {t:g} the right-hand side "
-            "is not what it is around; name the times at which it jumps in breaks, or give "
-            "max_step, half the time for which it acts",
-            SolveWarning,
-        )
 
 
 def reached_end(diagnostics: Diagnostics) -> Status:

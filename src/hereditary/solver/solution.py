@@ -63,6 +63,9 @@ class Solution:
         - setup_seconds, run_seconds: time before the first step, and of the steps.
         - kernel_error: the largest relative error of sums of exponentials for general kernels.
         - n_rejected: with `Collocation`, the steps that were repeated with a shorter length.
+        - jumps: times at which the right-hand side jumps, as `Collocation` found them; those that
+          `breaks=` or `switches=` name are not among them. With given steps, those that the run to
+          1e-4 found.
         - error_estimate: with `Collocation`, ten times the largest estimated error of a step,
           relative to the size of y, and at least rtol / 10. It also contains what errors of the
           modes and rounding errors add up to if nothing damps them. With given steps, the largest

@@ -35,7 +35,6 @@ from .elsewhere import OF_OTHERS
 from .opening import chooses_steps
 from .output import Kept
 from .problem import Problem
-from .run import note_missed
 from .solution import Solution
 
 CHANGES = "map times to functions change(t, y), e.g. {12.0: dose}"
@@ -159,7 +158,7 @@ def solve(
     estimate : bool, optional
         Estimate the error of a run on given steps, ``stats["error_estimate"]``, by a run of
         `Collocation` to 1e-4 (docs/step.md). It calls the functions of the user again, also changes
-        of y. With `rtol`, False leaves out the warning of a missed force.
+        of y.
 
     Returns
     -------
@@ -264,7 +263,6 @@ def solve(
     object.__setattr__(solution, "provenance", provenance)  # it is new: nobody else has it yet
     if not estimate:
         return solution
-    note_missed(solution, solved.stepper)
     return provenance.with_error(solved)
 
 

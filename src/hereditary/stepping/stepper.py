@@ -28,13 +28,11 @@ class Diagnostics(NamedTuple):
     - instability: status of a run beyond a stability limit, else None.
     - remedy: a clause that says how the instability shows, and what to do about it.
     - misfit: a clause that says by how much kernels miss their tolerance; empty if none does.
-    - missed: a time at which f differs much from its interpolant, or 0 if there is none [time].
     """
 
     instability: Status | None = None
     remedy: str = ""
     misfit: str = ""
-    missed: float = 0.0
 
 
 class Stepper(ABC):
