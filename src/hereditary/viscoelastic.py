@@ -320,7 +320,7 @@ def burgers(first: Model, second: Model, third: Model, fourth: Model) -> Model:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class ModelFit(Estimates):
-    """Parameters of a model that fit moduli, relaxation or creep best; see `Estimates`, and these.
+    """Parameters of a model that fit moduli, relaxation or creep best; see `hereditary.Estimates`.
 
     Attributes
     ----------

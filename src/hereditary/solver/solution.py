@@ -189,7 +189,7 @@ class Solution:
         Warns
         -----
         SolveWarning
-            The accurate run ended early. The errors are those up to its end, and `Accuracy.ended`
+            The accurate run ended early. The errors are those up to its end, and ``Accuracy.ended``
             says why it ended.
 
         Cost
