@@ -28,7 +28,6 @@ from ..compiled.linalg import (
     put_matrix,
 )
 from ..compiled.newton import ACCEPT, FAIL, ITERATE, REFRESH
-from ..compiled.reach import SMALL
 from ..compiled.signatures import FACTORISE, SUBSTITUTE
 from .operators import FORCE, POSITION, PRIMARY
 from .stages import set_scales, stage_matrix, substitute_scaled
@@ -63,6 +62,8 @@ _ROUNDING_OF_PRIMARY = 4e-16
 _ROUNDING_BY_F = 4e-15
 # Change of p by a wrong f, in units of Newton's tolerance, above which f is evaluated again.
 CHECK_BEYOND = 30.0
+# Least unit of a component, as fraction of what f makes of it in the step.
+_OF_FORCE = 1e-9
 # Rounding error of a linear system's solution, as fraction of its largest entry in units of scales.
 ROUNDING_OF_SYSTEM = 1e-15
 # Least absolute change of p at which Newton's method converges; a component whose tolerance is
@@ -225,7 +226,8 @@ def solve_stages(m, h):
             control[KEPT] = 0.0
             jacobians = stages.jacobians[: 1 if sweep == 0 else s]
         if control[KEPT] == 0.0:
-            raise_units(m, h, f)
+            if sweep == 0:  # at the guess: a diverged iterate would allow any unit
+                raise_units(m, h, f)
             counts.rhs += stage_jacobians(m, x, jacobians)
             control[KEPT], control[LENGTH], control[REDUCED], fresh = 1.0, 0.0, 0.0, True
             set_scales(m.state, workspace.sizes, workspace.units, stages)
@@ -354,7 +356,7 @@ def raise_units(m, h, f):
     sums, kinds, above_one = m.operators.sums, m.equations.kinds, m.equations.above_one
     for c in range(kinds.shape[0]):
         made = largest_of(f[c], 0, f.shape[1]) * abs(sums[kinds[c], -1])
-        made = SMALL * made * (h if above_one[c] == 1 else 1.0)
+        made = _OF_FORCE * made * (h if above_one[c] == 1 else 1.0)
         m.workspace.units[c] = (
             made if m.workspace.units[c] < made < np.inf else m.workspace.units[c]
         )
