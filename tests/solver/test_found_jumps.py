@@ -120,10 +120,13 @@ def crossing(t, y):
     return np.array([0.8 * np.sin(0.2 * t) + 0.1 - 0.5 * y[0], over - y[1]])
 
 
-@pytest.mark.parametrize("rtol", [1e-3, 1e-5, 1e-7, 1e-9])
+@pytest.mark.parametrize("rtol", [1e-3, 1e-5, 1e-7, 1e-8])
 @pytest.mark.parametrize("order", [0.4, 0.7, 1.0, 1.3, 1.5, 1.8, 2.0])
 def test_a_threshold_in_y_is_the_switch_of_it(order, rtol):
-    """Orders below 1 end at such a jump unless it is found."""
+    """Orders below 1 end at such a jump unless it is found.
+
+    Its time is found to 1e-13 of itself, which moves y of order 0.4 next to it by 1e-9 and more.
+    """
     equation = hd.Equation(hd.Caputo(order), crossing, begun(order, [0.1, 0.03]))
     truth = hd.solve(equation, T_END, rtol=1e-10, switches=lambda t, y: y[0] - 0.3)
     sol = hd.solve(equation, T_END, rtol=rtol)
