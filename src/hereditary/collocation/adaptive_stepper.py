@@ -386,9 +386,10 @@ class AdaptiveStepper(ResumableStepper, TangentStepper, JumpingStepper):
                 marched.compiled, equations, rule, basis, tables, varying, arrays,
                 self._state, steps, limits, own.solver, own.stages, operators, weights, workspace,
             )))  # fmt: skip
+            if status == CROSSED:
+                self._beyond = workspace.point.copy()
             return status
         finally:
-            self._beyond = workspace.point.copy()
             self._read_progress()
             give_back(taken)
 
@@ -465,6 +466,7 @@ class AdaptiveStepper(ResumableStepper, TangentStepper, JumpingStepper):
         jacobian_at_start(start, out)
         if self._crossed and structure is None and not system.has_jac:
             out = jacobian_beside_jump(system, start.t, start.x, units)
+            self._state.counts["rhs"] += 2 * system.d + 1
         return limits, out if structure is None else structure.matrix(out[VALUES]), units
 
     def _try_step(

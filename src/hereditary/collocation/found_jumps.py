@@ -163,6 +163,7 @@ def search(m):
     set_force(m.right.force, start, before, f_before)
     first, last = np.empty((2, d)), np.empty((2, d))  # y and f at the ends of the interval
     low = high = start
+    m.state.counts.rhs += times.shape[0] + 1
     for i in range(times.shape[0]):
         looked = t < control.missed < times[i]
         end = control.missed if looked else times[i]
@@ -228,6 +229,7 @@ def bisect(m, low, high, first, last):
         return 0.0, False
     put_between(first[0], last[0], (low - start) / (end - start), y)
     set_force(m.right.force, high, y, f)
+    m.state.counts.rhs += 1
     by_y = apart(m, f_low, f) < apart(m, f, f_high)
     put_between(first[0], last[0], (high - start) / (end - start), y)
     return high, by_y
@@ -244,10 +246,12 @@ def step_over(m, t):
     set_force(m.right.force, t, point, f)
     set_force(m.right.force, t, x, f_before)
     size = apart(m, f, f_before)
-    while share < 1.0:
+    m.state.counts.rhs += 2
+    while size > 0.0 and share < 1.0:
         for c in range(x.shape[0]):
             point[c] = x[c] + share * (x[c] - last[c, 0])
         set_force(m.right.force, t, point, f)
+        m.state.counts.rhs += 1
         if apart(m, f, f_before) > _OF_JUMP * size:
             return True
         share *= 2.0
