@@ -296,18 +296,9 @@ def take_steps(march):
             likely = by_defect or twice or ratio > _JUMPY
             if control.begins == 0.0 and likely and searches < _SEARCHES:
                 searches += 1
-                control.jump, by_y = find_jump(m, solved)
-                left = control.jump - control.origin - t
-                if control.jump > 0.0 and not by_y:
-                    return row, FOUND
-                if (
-                    control.jump > 0.0
-                    and left <= _AT_JUMP * control.jump
-                    and step_over(m, control.jump)
-                ):
-                    return row, CROSSED
-                if control.jump > 0.0 and left < h:
-                    control.next = _SHORT_OF_JUMP * left
+                status = stop_before_jump(m, t, h, solved)
+                if status != REACHED:
+                    return row, status
             overflows = not ratio < np.inf and not (bounded(orbit.x[0]) and bounded(orbit.p[0]))
             if overflows or not t + 0.01 * control.next > t:
                 return row, reason_of_refusal(by_defect, solved)
@@ -327,6 +318,26 @@ def take_steps(march):
         control.time, control.last = (end if h == left else t + h), h
         control.begins = 0.0
     return row, REACHED
+
+
+@inner
+def stop_before_jump(m, t, h, solved):
+    """Search a jump of f in a rejected step; return FOUND, CROSSED, or REACHED if steps go on.
+
+    Before a jump by y the next step ends short of it.
+    """
+    control = m.state.control
+    control.jump, by_y = find_jump(m, solved)
+    left = control.jump - control.origin - t
+    if control.jump == 0.0:
+        return REACHED
+    if not by_y:
+        return FOUND
+    if left <= _AT_JUMP * control.jump and step_over(m, control.jump):
+        return CROSSED
+    if left < h:
+        control.next = _SHORT_OF_JUMP * left
+    return REACHED
 
 
 @inner
