@@ -13,6 +13,7 @@ from hypothesis import assume, example, given
 from hypothesis import strategies as st
 from random_problems import linear
 from scipy.integrate import solve_ivp
+from scipy.linalg import expm
 
 import hereditary as hd
 
@@ -554,6 +555,33 @@ def test_fits_find_the_same_rate(power):
         t, scale * hd.exact.relaxation(0.8, 0.7)(t), {"rate": 1.0},
     )  # fmt: skip
     assert result.parameters["rate"] == pytest.approx(0.7, rel=1e-6)
+
+
+@pytest.mark.parametrize("order", [0.5, 1.0])
+def test_a_spot_spreads_into_what_is_almost_empty(order):
+    """Elimination must not go from tiny values far from the spot to larger ones near it."""
+    x = np.arange(1, 25) / 25
+    spot = np.exp(-200 * ((x[:, None] - 0.35) ** 2 + (x - 0.6) ** 2))
+    equation = hd.scenes.subdiffusion(order, 24, dimensions=2, u0=spot)
+    fine = hd.solve(equation, 0.02, rtol=1e-8, t_eval=[0.01, 0.02])
+    assert fine.success
+    for scheme, bound in ((hd.BDF(1), 5e-3), (hd.BDF(2), 1e-4), (hd.L1(), 5e-3)):
+        sol = hd.solve(equation, 0.02, 400, scheme=scheme, t_eval=fine.t, estimate=False)
+        assert np.abs(sol.y - fine.y).max() < bound * fine.y.max()
+
+
+@pytest.mark.parametrize("rtol", [1e-6, 1e-9])
+def test_rounding_of_large_components_stays_out_of_tiny_ones(rtol):
+    """Tanks of a chain begin with contents of many sizes; the first one stays empty."""
+    contents = np.array([0.0, 9e-38, 1e-33, 1.5e-33, 1.2e-3, 4e-15, 0.0, 7e-14, 1.0, 0.3])
+    leaves = np.array([2, 1, 1, 1, 2, 1, 2, 2, 2, 1])
+    chain = 0.35 * (np.eye(10, k=-1) + np.eye(10, k=1) - np.diag(leaves))
+    chain[[0, 1, 2, 4], [1, 2, 3, 5]] = 0.0  # no way back
+    equation = hd.Equation(hd.Caputo(1.0), None, contents, linear=chain)
+    sol = hd.solve(equation, 1.0, rtol=rtol, max_steps=100)
+    assert sol.success
+    exact = expm(chain) @ contents
+    assert (np.abs(sol.y[-1] - exact) <= rtol * exact).all()
 
 
 @pytest.mark.parametrize("unit", [1.0, 1e-8])

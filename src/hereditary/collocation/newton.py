@@ -230,8 +230,8 @@ def solve_stages(m, h):
                 raise_units(m, h, f)
             counts.rhs += stage_jacobians(m, x, jacobians)
             control[KEPT], control[LENGTH], control[REDUCED], fresh = 1.0, 0.0, 0.0, True
-            set_scales(m.state, workspace.sizes, workspace.units, stages)
         if control[LENGTH] != h:
+            set_scales(m.state, workspace.sizes, stages)
             control[LENGTH] = 0.0
             if not factorise_newton(m, h, p, jacobians):
                 control[KEPT] = 0.0  # the Jacobian may contain NaN

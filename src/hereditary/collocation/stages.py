@@ -488,15 +488,18 @@ def set_entries(stage):
 
 
 @inner
-def set_scales(state, sizes, units, stage):
+def set_scales(state, sizes, stage):
     """Set scales of components to powers of 2: of the sizes (d,) to which they seem to grow.
 
-    A component without a size has the scale of its unit (d,).
+    A component without a size has the smallest scale: what it drives may be small.
     """
-    for c in range(units.shape[0]):
-        size = max(sizes[c], min(state.reach[c], state.growth[c]))
-        size = size if size > LEAST else units[c]
-        stage.scales[c] = math.ldexp(1.0, math.frexp(size)[1] - 1)
+    scales, least = stage.scales, np.inf
+    for c in range(sizes.shape[0]):
+        scales[c] = max(sizes[c], min(state.reach[c], state.growth[c]))
+        least = min(least, scales[c]) if scales[c] > LEAST else least
+    for c in range(sizes.shape[0]):
+        size = scales[c] if scales[c] > LEAST else least if least < np.inf else 1.0
+        scales[c] = math.ldexp(1.0, math.frexp(size)[1] - 1)
 
 
 @inner

@@ -4,7 +4,7 @@ from ..compiled.functions import set_force
 from ..compiled.jacobian import multiply
 from ..compiled.jit import inner
 from ..compiled.signatures import SUBSTITUTE
-from .newton import set_factors
+from .newton import set_factors, set_row_factors
 
 # An IMEX step takes its explicit part at this fraction of the step after its start. The distance
 # exceeds rounding errors of times, so a jump of f at the start of the step is already over.
@@ -28,6 +28,7 @@ def solve_linearly(m, t, i):
     known, lead, base = workspace.known, workspace.lead, workspace.base
     if counts.kept == 0 or differs(i, rows):
         right.jacobian(right.force, t, x, workspace.units, work[0])
+        set_row_factors(m, 0)
         counts.kept = int(set_factors(m, 0))
         if counts.kept == 0:
             return False

@@ -18,13 +18,19 @@ from ..compiled.jacobian import (
     multiply,
 )
 from ..compiled.jit import inner, plug_in
-from ..compiled.linalg import solve_in_place
+from ..compiled.linalg import clear, largest_of, solve_in_place
 from ..compiled.newton import ACCEPT, CHECK, FAIL, ITERATE, REFRESH, RESTART
+from ..compiled.reach import set_reach
 from ..compiled.signatures import FACTORISE, SUBSTITUTE
 from .step import set_argument
 
 # Newton iterations after which a step counts as not solved.
 _STEP_NEWTON_MAXITER = 38
+# Ratio of sizes of components up to which rows of Newton's matrix are left as they are.
+_ALIKE_SIZES = 1e3
+# Factor of what others make of a component in its unit. Without it, entries off the diagonal could
+# be as large as those on it.
+_MARGIN = 16.0
 # Largest binary exponent of a factor of rows.
 _MAX_EXPONENT = 900
 # Most halvings of a Newton correction, or of the first guess of w, that leaves the domain of f.
@@ -93,8 +99,6 @@ def solve_step(march, t):
         size = size if size > _UNDERFLOW_ATOL else workspace.units[c]
         per_unit[c] = 1.0 if d == 1 else 1.0 / size
         workspace.noise[c] = 0.0
-    if few:
-        set_row_factors(m, 0)
     if counts.renewed > 0:
         counts.renewed, counts.kept = counts.renewed - 1, 0
     for iteration in range(_STEP_NEWTON_MAXITER):
@@ -105,6 +109,7 @@ def solve_step(march, t):
             break
         if counts.kept == 0:
             counts.rhs += right.jacobian(right.force, t, point, workspace.units, work[0])
+            set_row_factors(m, 0)
             if not few and not set_factors(m, 0):
                 return False
             counts.kept, counts.at_once, fresh, previous = 1, 0, True, np.inf
@@ -285,18 +290,40 @@ def step_back(m, t):
 def set_row_factors(m, number):
     """Set the factors of the rows of Newton's matrix (number 0) or the tangents' (1).
 
-    With them the rows are in units of their components. Else elimination by the largest entry of a
-    column would mix rounding of large components into small ones. The factors are powers of 2.
+    Where sizes of components differ much, elimination by the largest entry of a column would mix
+    rounding of large components into small ones. So rows are in units of their components. The unit
+    is the size, or what the others make of the component if that is more. Without this second part,
+    elimination would go from driven components to those that drive them. A component without a size
+    has the smallest unit. The factors are powers of 2.
     """
-    workspace, factors, largest = m.workspace, m.state.row_factors[number], 0.0
-    w, shift, base, units = workspace.w, workspace.shift, workspace.base, workspace.units
-    for c in range(m.table.n_solved):
-        size = abs(w[c]) + abs(shift[c]) + abs(base[c])
-        factors[c] = size if 0.0 < size < np.inf else units[c]
-        largest = max(largest, factors[c])
-    for c in range(m.table.n_solved):
-        exponent = math.frexp(largest)[1] - math.frexp(factors[c])[1]
-        factors[c] = math.ldexp(1.0, min(exponent, _MAX_EXPONENT))
+    workspace, factors, n = m.workspace, m.state.row_factors[number], m.table.n_orbit
+    w, shift, base, d = workspace.w, workspace.shift, workspace.base, m.table.n_solved
+    sizes, units, least, largest = workspace.sizes[:n], workspace.passed[:n], np.inf, 0.0
+    for c in range(n):
+        sizes[c], factors[c] = 0.0, 1.0
+        if c < d:
+            size = abs(w[c]) + abs(shift[c]) + abs(base[c])
+            sizes[c] = size if size < np.inf else 0.0
+            least, largest = min(least, sizes[c]), max(largest, sizes[c])
+    if largest <= _ALIKE_SIZES * least:
+        return
+    matrix, least = m.state.newton[1 + number], np.inf
+    set_matrix(m, factors, matrix)
+    for k in range(matrix.shape[1] if is_sparse(matrix, n) else n):
+        if not is_sparse(matrix, n):
+            matrix[k, k] /= _MARGIN
+        elif matrix[ROWS, k] == matrix[COLUMNS, k]:
+            matrix[VALUES, k] /= _MARGIN
+    clear(workspace.moved[:n])
+    set_reach(matrix, workspace.moved[:n], sizes, units)
+    for c in range(d):
+        least = min(least, units[c]) if units[c] > 0.0 else least
+    for c in range(d):
+        units[c] = units[c] if units[c] > 0.0 else least
+    magnitudes(matrix, units, sizes)
+    exponent = math.frexp(largest_of(sizes, 0, d))[1]
+    for c in range(d):
+        factors[c] = math.ldexp(1.0, min(exponent - math.frexp(sizes[c])[1], _MAX_EXPONENT))
 
 
 @inner
@@ -329,7 +356,6 @@ def set_matrix(m, row_factors, out):
 def set_factors(m, number):
     """Factorise Newton's matrix (number 0) or the tangents' (1); return False if it is singular."""
     matrix = m.state.newton[1 + number]
-    set_row_factors(m, number)
     set_matrix(m, m.state.row_factors[number], matrix)
     m.state.counts.factorised += 1
     return m.solver(FACTORISE, number, matrix, m.workspace.moved[: m.table.n_orbit], m.linear) == 0
@@ -370,6 +396,7 @@ def solve_tangents(m, t):
     m.state.counts.rhs += right.jacobian(
         right.force, t, workspace.point[:n], workspace.units, work[0]
     )
+    set_row_factors(m, 1)
     if not set_factors(m, 1):
         return False
     for first in range(n, base.shape[0], n):
