@@ -169,34 +169,18 @@ class Accuracy:
 
 @dataclass(frozen=True, eq=False)
 class Provenance:
-    """The problem of a solution, and what else an accurate run needs to know of it.
-
-    Parameters
-    ----------
-    problem : Problem
-    scheme : Scheme
-    components : ndarray or None
-        Components that rows have.
-    jumps : ndarray, shape (k,)
-        Times at which y jumped, counted from the start.
-    resume : State or None
-        State from which the run went on.
-    allow_change : bool
-    """
+    """The problem of a solution, and what else an accurate run needs to know of it."""
 
     problem: Problem
     scheme: Scheme
-    components: np.ndarray | None
-    jumps: np.ndarray
-    resume: State | None
+    components: np.ndarray | None  # those that rows have
+    jumps: np.ndarray  # (k,), times at which y jumped, from the start
+    resume: State | None  # from which the run went on
     allow_change: bool
 
     def with_error(self, run: Outcome) -> Solution:
-        """Return the solution of a run with its estimated error, or the reason why it is unknown.
-
-        Warns if the error is large, if the accurate run ends early, and if this run is not
-        resolved. After Ctrl-C a KeyboardInterrupt has the solution as its `result`.
-        """
+        """Return the solution of a run with its estimated error, or why that is unknown."""
+        # after Ctrl-C a KeyboardInterrupt has the solution as its `result`
         solution = run.solution
         if _off.value or chooses_steps(self.scheme):
             return solution
@@ -365,12 +349,10 @@ class Provenance:
 
 
 class _Patience:
-    """Whether a run has taken longer than some seconds of its thread, after its first part.
-
-    The first part of a run may compile functions, or load their machine code.
-    """
+    """Whether a run has taken longer than some seconds of its thread, after its first part."""
 
     def __init__(self, seconds: float) -> None:
+        # the first part of a run may compile functions, or load their machine code
         self._seconds, self._until, self.over = seconds, np.inf, False
 
     def __call__(self, stepper: ResumableStepper) -> bool:
@@ -389,11 +371,8 @@ def _with_no_estimate(solution: Solution, why: str) -> Solution:
 
 
 def _warn(accuracy: Accuracy, steps: str, unknown: str, jumps: list[float]) -> None:
-    """Warn of large errors, and if an accurate run takes many steps or ends early.
-
-    `unknown` says why that run has not reached the end; it is empty if it has. `jumps` are times at
-    which the right-hand side jumps, and nobody said so.
-    """
+    """Warn of large errors, and if an accurate run takes many steps or ends early."""
+    # unknown: why that run ended early, or empty; jumps: times of jumps of f that nobody stated
     largest, errors = float(accuracy.largest.max()), ""
     ended, more = unknown.startswith(_ENDS), unknown.startswith(_MORE)
     if not (largest > _MAX_ERROR_WITHOUT_WARNING or ended or more):

@@ -73,39 +73,22 @@ class Solved(NamedTuple):
 
 
 class Remembered(NamedTuple):
-    """Data that a march with delays stores beside its inner stepper.
+    """Data that a march with delays stores beside its inner stepper."""
 
-    - solved: dense output that a delay still reads.
-    - roots: pairs of the time of a kink of f and its exponent, from which later kinks follow.
-    - until: time up to which the tables have delayed values.
-    - tables: for each delay the times and polynomials of its table.
-    - displacements: for each delay the displacement of y before the start, (d,).
-    """
-
-    solved: tuple[Solved, ...]
-    roots: tuple[tuple[float, float], ...]
-    until: float
-    tables: tuple[tuple[np.ndarray, np.ndarray], ...]
-    displacements: tuple[np.ndarray, ...]
+    solved: tuple[Solved, ...]  # dense output that a delay still reads
+    roots: tuple[tuple[float, float], ...]  # time and exponent of each kink that later ones follow
+    until: float  # time up to which the tables have delayed values
+    tables: tuple[tuple[np.ndarray, np.ndarray], ...]  # times and polynomials, by delay
+    displacements: tuple[np.ndarray, ...]  # of y before the start, (d,), by delay
 
 
 class DelayedStepper(ResumableStepper, JumpingStepper):
-    """A stepper whose right-hand side reads the solution of earlier times.
-
-    Parameters
-    ----------
-    inner : FixedStepper or AdaptiveStepper
-        The march without delays, at the start of a run or where a state was taken.
-    delays : tuple of Delayed
-    t_end : float
-        End of the run.
-    rtol : float, optional
-        Tolerance of the run; None on given steps.
-    """
+    """A stepper whose right-hand side reads the solution of earlier times."""
 
     def __init__(
         self, inner: Any, delays: tuple[Delayed, ...], t_end: float, rtol: float | None = None
     ) -> None:
+        # inner: the march without delays, at the start or at a state; rtol: None on given steps
         self._inner, self._delays, self._t_end = inner, delays, t_end
         self.system, self.on_given_steps = inner.system, inner.on_given_steps
         self._tables: Delays = inner.system.functions.delays
@@ -160,10 +143,7 @@ class DelayedStepper(ResumableStepper, JumpingStepper):
         return found.kinks
 
     def _past_of(self, delay: Delayed, tol: float) -> Piecewise | None:
-        """Return the past that a delay still reads, as polynomials; None for a constant.
-
-        Refuses a past that is random. Warns if the past varies too fast for them.
-        """
+        """Return the past that a delay still reads as polynomials, or None for a constant."""
         first = float(delay.ago(np.array([self._inner.t]))[0])
         if not callable(delay.past.delay.past) or first >= 0:
             return None
@@ -200,10 +180,7 @@ class DelayedStepper(ResumableStepper, JumpingStepper):
         return [pair for bends in self._bends for pair in bends]
 
     def _at(self, number: int, times: np.ndarray, inside: np.ndarray) -> np.ndarray:
-        """Return y at earlier times (n,), by the dense output at the times `inside`; shape (n, d).
-
-        Before the start it comes from the past of delay `number`.
-        """
+        """Return y (n, d) at times (n,): the past, or dense output at the times `inside`."""
         d, delay, past = self.system.n_solved, self._delays[number], self._pasts[number]
         found, before = np.empty((times.size, d)), inside < 0
         if before.any():
@@ -251,10 +228,8 @@ class DelayedStepper(ResumableStepper, JumpingStepper):
             self._inner.note_reads(self._change_by_delays(0.5 * (t + until)))
 
     def _change_by_delays(self, t: float) -> np.ndarray:
-        """Return how much f changes by delayed values at time t, (d,), as units of its rounding.
-
-        It is the change by factors that differ for each component, so that terms that cancel count.
-        """
+        """Return how much f changes by delayed values at time t, (d,), as units of its rounding."""
+        # by factors that differ for each component, so that terms that cancel count
         system, values = self.system, self._tables.values
         before, f = values.copy(), system.rhs(t, self._inner.y)
         factors = 1.0 + _FACTOR / np.sqrt(2.0 + np.arange(values.shape[2]))
@@ -290,10 +265,7 @@ class DelayedStepper(ResumableStepper, JumpingStepper):
         return float(same[0]) if same.size else t
 
     def _edges(self, number: int, start: float, end: float, known: np.ndarray) -> np.ndarray:
-        """Return times from `start` to `end` between which y(t - tau) is smooth.
-
-        `known` are the ends of polynomials of y.
-        """
+        """Return times between which y(t - tau) is smooth; `known` are ends of polynomials of y."""
         delay, bends = self._delays[number], self._bends[number]
         first, last = delay.ago(np.array([start, end])).tolist()
         inside = known[(first < known) & (known < last)]
@@ -311,10 +283,8 @@ class DelayedStepper(ResumableStepper, JumpingStepper):
         return np.array([start, *np.unique(times), end])
 
     def _table(self, number: int, start: float, end: float) -> tuple[np.ndarray, np.ndarray]:
-        """Return a table of y(t - tau) from `start` to `end`, for delay `number`.
-
-        These are times (n + 1,), and Chebyshev coefficients (n, d, N_COEFFICIENTS) between them.
-        """
+        """Return times (n + 1,), and Chebyshev coefficients of y(t - tau) between them."""
+        # coefficients (n, d, N_COEFFICIENTS)
         delay, past = self._delays[number], self._pasts[number]
         edges = {0.0, *(edge for each in self._solved for edge in each.piece.edges().tolist())}
         known = np.array(sorted(edges.union(past.edges.tolist() if past else ())))
@@ -357,20 +327,14 @@ class DelayedStepper(ResumableStepper, JumpingStepper):
         self._set_marks(np.append(times, t_end))
 
     def _later(self, roots: Iterable[tuple[float, float]]) -> np.ndarray:
-        """Return the times of kinks: of those that are given, and of those that follow by delays.
-
-        Given steps see no kinks.
-        """
+        """Return times of given kinks, and of those that follow by delays; none on given steps."""
         if self.on_given_steps:
             return np.zeros(0)
         gain, smooth, t_end = self._gain, self._smooth, self._t_end
         return np.array(_kinks(self._delays, roots, gain, smooth, t_end, self._origin))
 
     def _set_marks(self, first: np.ndarray) -> None:
-        """Let steps end at breaks and kinks; equal ones are one time, that of `first` if possible.
-
-        Given steps see the user's breaks alone.
-        """
+        """Let steps end at breaks and kinks; equal times become one, of `first` if possible."""
         if self.on_given_steps:
             self._inner.set_breaks(self._breaks, self._t_end)
             return
@@ -438,11 +402,9 @@ class DelayedStepper(ResumableStepper, JumpingStepper):
         return self._inner.stats()
 
     def linear_arrays(self) -> list[np.ndarray]:
-        """Return every array that is linear in the solution, with rows that delays read.
-
-        This is for given steps. The caller may overwrite these arrays, and the next step fills the
-        tables anew. From then on delays read parabolas also inside the first two steps of a run.
-        """
+        """Return every array that is linear in the solution, with rows that delays read."""
+        # The caller may overwrite them, and the next step fills the tables anew. From then on
+        # delays read parabolas also inside the first two steps of a run.
         self._until = self._inner.t
         parts = [*self._inner.linear_arrays(), *(delay.displacement for delay in self._delays)]
         if not self._solved:
@@ -525,11 +487,9 @@ class DelayedStepper(ResumableStepper, JumpingStepper):
 
 
 def _gain(system: System, delays: tuple[Delayed, ...]) -> float:
-    """Return by how much the exponent of a kink is larger one delay later.
-
-    It is the lowest order of a derivative. It is 0 if an algebraic row reads the delayed value of a
-    component without a derivative, which is as smooth as the kink.
-    """
+    """Return by how much the exponent of a kink is larger one delay later."""
+    # the lowest order of a derivative; 0 if an algebraic row reads a delayed algebraic component,
+    # which is as smooth as the kink
     d = system.n_solved
     orders = system.highest_orders()[:d]
     gain, rows = (
@@ -601,11 +561,9 @@ def _kinks(
     t_end: float,
     origin: float,
 ) -> list[float]:
-    """Return the times of kinks of f before `t_end`: of the roots, and of those that read a kink.
-
-    Roots are pairs of a time and of the exponent of the first power of t there, 0 for a jump. One
-    delay later the exponent is larger by `gain`. From the exponent `smooth` on they are no kinks.
-    """
+    """Return times of kinks of f before `t_end`: of the roots, and of those that read a kink."""
+    # Roots are pairs of a time and of the exponent of the first power of t there, 0 for a jump. One
+    # delay later the exponent is larger by `gain`. From the exponent `smooth` on they are no kinks.
     ahead = [(t, exponent) for t, exponent in roots if t < t_end]
     heapq.heapify(ahead)
     times: list[float] = []

@@ -24,36 +24,9 @@ _LEAST_BRACKET = 2.0**-60
 
 
 class Events:
-    """Zeros of event functions along a run, located on its dense output.
+    """Zeros of event functions along a run, located on its dense output."""
 
-    Parameters
-    ----------
-    functions : sequence of callable
-        ``event(t, y)``, which returns a number, or a truth value whose changes count as zeros. NaN
-        means that the function has no value there. Attributes are as in SciPy. `terminal` is the
-        number of zeros after which the run ends, True for one; False, the default, never ends it.
-        `direction` is 1 if only zeros upwards count, -1 for downwards, 0, the default, for both.
-    stepper : Stepper
-        A stepper at the beginning of the run.
-    signs : dict
-        What `signs` returned at the end of the run that is resumed; empty if none is.
-    n_events : int, optional
-        Only the first `n_events` functions are events of the solution; all by default.
-
-    Attributes
-    ----------
-    times, values : list of list
-        Times of the zeros of each function, and the solution at these times.
-    failure : str
-        How an event function failed; empty if none did.
-    over : bool
-        Whether a terminal event ended the last search, and so ends the run.
-    interrupted : bool
-        Whether the run is to continue from the end of the last search with a changed y or
-        right-hand side.
-    """
-
-    over = interrupted = False
+    over = interrupted = False  # a terminal event ended the run; continue with a changed y or f
 
     def __init__(
         self,
@@ -62,6 +35,7 @@ class Events:
         signs: dict[str, float],
         n_events: int | None = None,
     ) -> None:
+        # signs: those of the run that is resumed; the solution has the first n_events only
         self._functions, self._on_given_steps = list(functions), stepper.on_given_steps
         self._looks = 1 if stepper.on_given_steps else _EVENT_CHECKS_PER_STEP
         self.n_events = len(self._functions) if n_events is None else n_events
@@ -79,10 +53,7 @@ class Events:
         return bool(self._functions)
 
     def _begin(self, t: float, values: list[float], after: list[float]) -> None:
-        """Start the search at time t, where functions have these values.
-
-        `after` are their signs just after t, 0 for unknown.
-        """
+        """Start the search at t, where functions have these values, with signs `after` it."""
         self._start, self._values = t, list(values)
         for number, (value, sign) in enumerate(zip(values, after, strict=True)):
             # at a zero the computed value may have either sign, so the known sign replaces it
@@ -91,11 +62,8 @@ class Events:
         self._after = [float(np.sign(value)) for value in self._values]
 
     def look(self, edges: np.ndarray, at: Callable) -> float | None:
-        """Search for zeros between the first and the last of `edges`, the ends of steps.
-
-        ``at(t)`` is the solution (k, d) at k times. Returns the time at which a terminal event or a
-        failing event function ends the run; None if the run goes on.
-        """
+        """Search for zeros between ends of steps; return the time at which the run ends."""
+        # at(t): the solution (k, d) at k times; None if no terminal event or failure ends the run
         looks = edges[:-1, None] + np.diff(edges)[:, None] * np.arange(self._looks) / self._looks
         times = self._looked_at(np.append(looks.ravel(), edges[-1]), edges)
         rows, found, end = at(times), [], math.inf
@@ -118,10 +86,7 @@ class Events:
     def _with_turns(
         self, function: Callable, times: np.ndarray, values: np.ndarray, at: Callable
     ) -> tuple[np.ndarray, np.ndarray]:
-        """Return times and values, with those where a parabola through three looks reaches 0.
-
-        There the function turns back between two zeros of which the looks see none.
-        """
+        """Return times and values, with those where a parabola through three looks reaches 0."""
         a, v, b = values[:-2], values[1:-1], values[2:]
         with np.errstate(all="ignore"):
             turns = (np.sign(a) == np.sign(v)) & (np.sign(b) == np.sign(v))
@@ -180,11 +145,8 @@ class Events:
                 self._after[number] = sign
 
     def signs(self) -> dict[str, float]:
-        """Return the sign of each function just after the end of the run, by its digest.
-
-        With these signs a run that resumes this one neither finds a zero at the end again, nor
-        misses a later zero.
-        """
+        """Return the sign of each function just after the end of the run, by its digest."""
+        # so that a resumed run neither finds a zero at the end again, nor misses a later zero
         pairs = zip(self._functions, self._after, strict=True)
         return {digest(function): sign for function, sign in pairs if sign in (-1.0, 1.0)}
 
@@ -211,10 +173,8 @@ class Events:
     def _zeros(
         self, function: Callable, times: np.ndarray, values: np.ndarray, at: Callable
     ) -> Iterator[tuple[float, float]]:
-        """Yield the zeros of a function in ascending order, each with the sign after it.
-
-        A zero at the first time belongs to the interval before. Next to a NaN no zero is sought.
-        """
+        """Yield the zeros of a function in ascending order, each with the sign after it."""
+        # a zero at the first time belongs to the interval before; next to a NaN no zero is sought
         direction, signs = getattr(function, "direction", 0), np.sign(values)
         known = (signs[:-1] != 0) & ~np.isnan(signs[:-1]) & ~np.isnan(signs[1:])
         for i in np.flatnonzero(known & (signs[:-1] != signs[1:])):
@@ -245,10 +205,8 @@ class Events:
 
 
 def inner_event(stepper: Stepper, function: Callable) -> Callable:
-    """Return an event function of the user as one of times and components of a run.
-
-    A function of three arguments gets what the delays of the equation read at its time.
-    """
+    """Return an event function of the user as one of times and components of a run."""
+    # a function of three arguments gets what the delays of the equation read at its time
     system, delayed = stepper.system, getattr(stepper, "delayed", None)
     needed = positional(function)
     if len(needed) != 3:
@@ -337,13 +295,10 @@ def _vertex(times: np.ndarray, values: np.ndarray) -> tuple[float, float]:
 
 
 def bracketed_root(function: Callable[[float], float], low: float, high: float) -> float:
-    """Return a zero of a function between `low` and `high`, accurate to rounding.
-
-    The function has different signs at these points; that at the zero is 0 or that at `high`. The
-    method is the variant of false position by
-    Anderson and Bjorck, with a bisection whenever three steps have not halved the bracket. (To
-    import scipy.optimize instead would take half a second.)
-    """
+    """Return a zero between `low` and `high`, where signs differ, accurate to rounding."""
+    # The sign at the zero is 0 or that at `high`. The method is the variant of false position by
+    # Anderson and Bjorck, with a bisection whenever three steps have not halved the bracket. To
+    # import scipy.optimize instead would take half a second.
     f_low, f_high = function(low), function(high)
     if f_low == 0.0:
         return low

@@ -72,22 +72,7 @@ _ROUNDING = 8 * np.finfo(float).eps
 
 
 class Hybrid:
-    """The interruptions of a run, and their effects.
-
-    Parameters
-    ----------
-    system : System
-    scheme : Scheme
-    events, switches : tuple of callable
-        The user's functions; an event may have an attribute ``change(t, y)``.
-    changes : Mapping of float and callable
-        Changes of y at stated times of the user.
-
-    Attributes
-    ----------
-    system : System
-        Its right-hand side is evaluated on one side of each switch.
-    """
+    """The interruptions of a run, and their effects; its `system` sees one side of each switch."""
 
     def __init__(
         self,
@@ -113,10 +98,8 @@ class Hybrid:
     def open(
         self, stepper: JumpingStepper, t_end: float, breaks: np.ndarray, signs: dict[str, float]
     ) -> Events:
-        """Return the `Events` of a run to t_end, whose stepper is at its start.
-
-        breaks (k,) are times at which the right-hand side jumps; `signs` are those of a state.
-        """
+        """Return the `Events` of a run to t_end, whose stepper is at its start."""
+        # breaks (k,): times at which f jumps; signs: those of a state
         self._stepper, self._start, self._span = stepper, stepper.t, t_end - stepper.t
         self._longest, self._crowded = [0.0 for _ in self._functions], set[int]()
         origin = stepper.system.frame.start
@@ -139,10 +122,7 @@ class Hybrid:
         return self._events
 
     def march(self, output: Output, drive: Drive, stop: float) -> Ending | None:
-        """March to position `stop`, from one interruption to the next.
-
-        Returns the `Ending` of a run that ends before, otherwise None.
-        """
+        """March to `stop` over all interruptions; return the `Ending` if the run ends before."""
         stepper, events = self._stepper, self._events
         while True:
             due = self._due[0][0] if self._due else math.inf
@@ -160,10 +140,7 @@ class Hybrid:
                 return None
 
     def _act(self, output: Output) -> Ending | None:
-        """Execute what is due at the present time, in the order of the module's description.
-
-        Return the `Ending` if this ends the run, otherwise None.
-        """
+        """Execute what is due now, in the module's order; return an `Ending` or None."""
         stepper, events, t = self._stepper, self._events, self._stepper.t
         fired, stuck, before = events.fired, events.stuck, stepper.y
         if stuck in fired and stuck >= len(self._functions):
@@ -274,33 +251,7 @@ def nearest(t: float, times: np.ndarray, origin: float) -> float:
 
 
 class HybridEvents(Events):
-    """Zeros of event functions along a run that continues after some of them.
-
-    Parameters
-    ----------
-    functions : sequence of callable
-        Events, and then switches.
-    acting : sequence of bool
-        Which functions interrupt the march.
-    n_events : int
-    stepper, signs
-        As for `Events`.
-    known : ndarray, shape (k,)
-        Times at which the run stops in any case.
-
-    Attributes
-    ----------
-    fired : dict of int and float
-        Functions that act where `look` ended the march, with the signs after their zeros.
-    sides : list of float
-        Sign of each switch with which the march continues.
-    stuck : int or None
-        The function whose values the error band hides: a switch slides, an event piles up.
-    next_change : float
-        Next stated time, at which the march is interrupted in any case.
-    step : float
-        Length of the given step that ends there [time]; 0 where steps are chosen on the way.
-    """
+    """Zeros of event functions along a run that continues after some of them."""
 
     any = True
 
@@ -313,12 +264,15 @@ class HybridEvents(Events):
         signs: dict[str, float],
         known: np.ndarray,
     ) -> None:
+        # functions: events, then switches; acting: which of them interrupt the march; known (k,):
+        # times at which the run stops in any case; `sides`: the sign of each switch with which the
+        # march continues
         self._acting, self._start = acting, stepper.t
         self._known, self._origin = known, stepper.system.frame.start
         self._stop_at, self.next_change = stepper.stop_at, math.inf
-        self.stuck: int | None = None
-        self.step = 0.0
-        self.fired: dict[int, float] = {}
+        self.stuck: int | None = None  # a switch that slides, or an event that piles up
+        self.step = 0.0  # length of the given step that ends at next_change [time]
+        self.fired: dict[int, float] = {}  # acting where `look` ended, with signs after
         self._zeroed: set[int] = set()
         self._last: set[int] = set()
         self._disarmed: dict[int, Disarmed] = {}
@@ -328,10 +282,7 @@ class HybridEvents(Events):
         super().__init__(functions, stepper, signs, n_events)
 
     def go_on(self, before: np.ndarray, stepper: JumpingStepper) -> None:
-        """Continue from the present time, at which the components (d,) were `before` the change.
-
-        A function with a zero here is disarmed unless its sign is certain.
-        """
+        """Continue with components that were `before` (d,); disarm zeros here of uncertain sign."""
         t, y = stepper.t, stepper.y
         values, known, disarmed, self._again = [], [], {}, set()
         for number, function in enumerate(self._functions):
@@ -360,10 +311,8 @@ class HybridEvents(Events):
     def _behind_event(
         self, number: int, zero: _Zero, stepper: JumpingStepper
     ) -> tuple[float, Disarmed | None]:
-        """Return the sign with which an event goes on after its zero, and how it is disarmed.
-
-        Its value tells the sign if the change led it away from the zero, otherwise the motion does.
-        """
+        """Return the sign with which an event goes on after its zero, and how it is disarmed."""
+        # its value has the sign if the change led it away from the zero, otherwise the motion does
         value, t, y, now = zero.value, stepper.t, stepper.y, zero.now
         given, moved, rounded = self._on_given_steps, abs(now - zero.then), self._errors
         allowed = rounded._replace(of_y=np.maximum(rounded.of_y, stepper.uncertainty))
@@ -517,25 +466,13 @@ class HybridEvents(Events):
 
 
 class _Zero(NamedTuple):
-    """A zero of an event at the present time.
+    """A zero of an event at the present time: value and y, (d,), around a change of y."""
 
-    Attributes
-    ----------
-    value : callable
-        ``value(t, y)``
-    before : ndarray, shape (d,)
-        y before the change.
-    then, now : float
-        The value before and after the change.
-    sign : float
-        Sign after the zero, without the change.
-    """
-
-    value: Callable[[float, np.ndarray], float]
+    value: Callable[[float, np.ndarray], float]  # value(t, y)
     before: np.ndarray
-    then: float
-    now: float
-    sign: float
+    then: float  # value before the change
+    now: float  # value after the change
+    sign: float  # after the zero, without the change
 
 
 class Errors(NamedTuple):
@@ -546,26 +483,13 @@ class Errors(NamedTuple):
 
 
 class Disarmed(NamedTuple):
-    """A function that has no zeros until its sign is certain.
-
-    Attributes
-    ----------
-    errors : Errors
-    band : float
-        Largest |value| that is uncertain in any case, at given steps.
-    side : float
-        Sign that is expected, 0 if either is; the other sign means a return.
-    back : bool
-        Whether a switch has returned once.
-    until : float
-        Time up to which a step function may wait for its return, at given steps.
-    """
+    """A function that has no zeros until its sign is certain."""
 
     errors: Errors
-    band: float
-    side: float
-    back: bool = False
-    until: float = math.inf
+    band: float  # largest |value| that is uncertain in any case, at given steps
+    side: float  # sign that is expected, 0 if either is; the other sign means a return
+    back: bool = False  # whether a switch has returned once
+    until: float = math.inf  # end of the wait of a step function for its return, at given steps
 
     def hides(
         self, value: Callable[[float, np.ndarray], float], t: float, y: np.ndarray, now: float
@@ -604,10 +528,7 @@ def _difference(
 def _beside(
     value: Callable[[float, np.ndarray], float], t: float, y: np.ndarray, errors: Errors
 ) -> list[float]:
-    """Return values of an event beside (t, y); none if it is not defined there.
-
-    Components err together, or against each other.
-    """
+    """Return values of an event, where defined, for errors of equal and of opposite signs."""
     together, apart = np.ones(y.size), (-1.0) ** np.arange(y.size)
     sides = (1, together), (-1, -together), (1, apart), (-1, -apart)
     try:
@@ -618,12 +539,10 @@ def _beside(
 
 
 def sign_ahead(zero: _Zero, stepper: Stepper, step: float) -> float:
-    """Return the sign of an event after a change of y; 0 if it is unknown.
-
-    It is the sign of the slope of the event along the motion. A motion that comes to rest has
-    turned back. A component of an order below 1 is led by the jump of its derivative. An event
-    without a slope turns back if the motion leads it back in some given steps, of length `step`.
-    """
+    """Return the sign of an event after a change of y; 0 if it is unknown."""
+    # It is the sign of the slope of the event along the motion. A motion that comes to rest has
+    # turned back. A component of an order below 1 is led by the jump of its derivative. An event
+    # without a slope turns back if the motion leads it back in some given steps, of length `step`.
     t, y, system, slopes = stepper.t, stepper.y, stepper.system, []
     if system.is_memory.any():
         return 0.0

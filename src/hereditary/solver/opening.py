@@ -32,25 +32,9 @@ def how_to_step(
     history: History | None = None,
     **how: Any,
 ) -> Any:
-    """Return how a run steps: `UniformSteps`, `MeshSteps` or a `Tolerance`.
-
-    Raises an error for arguments that do not fit the scheme or each other.
-
-    Parameters
-    ----------
-    system : System
-    scheme : Scheme
-    t_end : float
-        End of the run, counted from its start.
-    state : State, optional
-        State of the run that is resumed. Its steps are kept, or its tolerances unless others are
-        given.
-    history : optional
-        The argument of `solve`. With `Collocation` only its attribute `tol` is used.
-    **how
-        n_steps, mesh, rtol, atol, max_step and max_steps, arguments of `solve`. `mesh` is False if
-        the calling function has no such argument.
-    """
+    """Return how a run steps: `UniformSteps`, `MeshSteps` or a `Tolerance`."""
+    # t_end counts from the start; a state's steps, or its tolerances unless others are given, are
+    # kept; how: arguments of `solve`, with mesh=False if the calling function has no such argument
     if history is not None:
         instance("history", history, History, "hereditary.SumOfExponentials()")
     if not chooses_steps(scheme):
@@ -71,11 +55,8 @@ def open_stepper(
     allow_change: bool = False,
     directions: np.ndarray | None = None,
 ) -> tuple[Any, Any]:
-    """Return a stepper at the start of a run, or at its `state`, and the position of its end.
-
-    `how` is what `how_to_step` returned. `t_end` counts from the start. `directions` are the
-    initial directions of tangents, if there are any.
-    """
+    """Return a stepper at the start of a run, or at its `state`, and the position of its end."""
+    # how: from `how_to_step`; t_end: from the start; directions: initial ones of tangents
     if system.delays or system.switches:  # which have arrays that change during a march
         functions = system.functions.for_a_march(room_of(system.n_solved))
         system = replace(system, functions=functions)
@@ -95,10 +76,7 @@ def _open_delayed(
     state: State | None,
     allow_change: bool,
 ) -> tuple[Any, Any]:
-    """Return a stepper of a system with delays, and the position of the end of the run.
-
-    The stepper fills the tables of the marched right-hand side.
-    """
+    """Return a stepper that fills tables of delayed values, and the position of the run's end."""
     delays, system = system.delays, replace(system, delays=())
     own = state and replace(state, checkpoint=state.checkpoint[0])
     inner, last = open_stepper(system, scheme, history, how, t_end, own, allow_change)

@@ -24,42 +24,18 @@ _STEP_END_RTOL = 8 * np.finfo(float).eps
 
 
 class Kept(NamedTuple):
-    """Which rows and components a run keeps.
+    """Which rows and components a run keeps; there is no dense output of chosen components."""
 
-    Rows are those of every n-th step, n = `every`, or rows at the user's `times` (k,). `components`
-    are the numbers of the components that rows contain; None for all. With a choice of components
-    there is no dense output.
-    """
-
-    every: int
-    times: np.ndarray | None = None
-    components: np.ndarray | None = None
+    every: int  # rows of every n-th step
+    times: np.ndarray | None = None  # or rows at times (k,)
+    components: np.ndarray | None = None  # their numbers; None for all
 
 
 class Output:
-    """Collector of the rows, the dense output and the events of a run, piece by piece.
-
-    Parameters
-    ----------
-    stepper : Stepper
-    stop : int or float
-        Stepper's position at which the run is to end.
-    kept : Kept
-    events : Events
-
-    Attributes
-    ----------
-    end : float
-        Time up to which the output reaches.
-    ended : bool
-        Whether an event has ended the run, or this part of it, at `end`.
-    jumps : list of float
-        Times at which y jumped.
-    components : ndarray or None
-        As `Kept` has them.
-    """
+    """Collector of the rows, the dense output and the events of a run, piece by piece."""
 
     def __init__(self, stepper: Stepper, stop: float, kept: Kept, events: Events) -> None:
+        # stop: position of the end; end: time reached; ended: whether an event ended the run
         self._stepper, self._stop, self._on_given_steps = stepper, stop, stepper.on_given_steps
         self._every, times, self.components = kept
         self._frame, self._asked, self.events = stepper.system.frame, times, events
@@ -72,7 +48,7 @@ class Output:
         speeds = bool(self._frame.speeds)
         self._sloped = self._on_given_steps or stepper.system.m == 2 or speeds
         self.end, self.ended = stepper.t, False
-        self.jumps: list[float] = []
+        self.jumps: list[float] = []  # times at which y jumped
         self._dense = Dense(self._above_one, self._frame)
         self._newest: Piece | None = None
         y, ydot, n, every = stepper.y, stepper.ydot, self._first, self._every
@@ -168,10 +144,7 @@ class Output:
             self._add(times, *piece.evaluate_both(times, self._above_one, self._sloped))
 
     def close(self, t_end: float) -> tuple[np.ndarray, np.ndarray, np.ndarray, Dense | None]:
-        """Return times (n,), y (n, d), y' (n, d), and the dense output or None.
-
-        The times and `t_end` are the user's. y and y' have components of the run.
-        """
+        """Return the user's times (n,), y and y' (n, d) of the run, and dense output or None."""
         stepper, start = self._stepper, self._frame.start
         if self._asked is not None:
             _, y, ydot = (part[: self._size] for part in self._rows)
@@ -202,10 +175,7 @@ class Output:
 
 
 def room_for(size: Any, d: int, every: bool) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return empty arrays (size,), (size, d) and (size, d) for rows, or refuse so many.
-
-    `every` says which argument the message names: save_every if True, t_eval if False.
-    """
+    """Return empty arrays (size,), (size, d), (size, d); a refusal names save_every or t_eval."""
     n_bytes = 8.0 * size * (1 + 2 * d)
     try:
         if n_bytes > machine_storage():

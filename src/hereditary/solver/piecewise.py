@@ -39,34 +39,21 @@ LEAST_SIZE = 1e-300
 
 
 class FitTolerance(NamedTuple):
-    """The accuracy with which polynomials meet a function.
+    """The accuracy with which polynomials meet a function."""
 
-    - tol: largest difference, as a fraction of the largest value of a component.
-    - order: next to a jump or a corner, a difference over the fraction x of the time may be larger
-      by ``x**-order``.
-    - least: shortest interval, by rounding [time].
-    """
-
-    tol: float
-    order: float
-    least: float
+    tol: float  # largest difference, as a fraction of the largest value of a component
+    order: float  # at x of the time from a jump or a corner it may be x**-order as large
+    least: float  # shortest interval, by rounding [time]
 
 
 class Piecewise(NamedTuple):
-    """A function of time as polynomials.
+    """A function of time as polynomials."""
 
-    - edges: times between the polynomials, (n + 1,).
-    - coefficients: those of Chebyshev, (n, d, N_COEFFICIENTS).
-    - kinks: pairs of the time of a jump or a corner and its exponent, 0 or 1.
-    - missed, where: largest difference from the function, as a fraction of the size, and its time.
-      It is 0 if the polynomials are as accurate as they should be.
-    """
-
-    edges: np.ndarray
-    coefficients: np.ndarray
-    kinks: list[tuple[float, float]]
-    missed: float
-    where: float
+    edges: np.ndarray  # times between them, (n + 1,)
+    coefficients: np.ndarray  # those of Chebyshev, (n, d, N_COEFFICIENTS)
+    kinks: list[tuple[float, float]]  # time and exponent, 0 or 1, of each jump or corner
+    missed: float  # largest difference over the size; 0 within the tolerance
+    where: float  # its time
 
     def __call__(self, times: np.ndarray, inside: np.ndarray) -> np.ndarray:
         """Return values at times (k,), by the polynomials of the times `inside`, (k, d)."""
@@ -95,18 +82,8 @@ def piecewise(
     n_samples: int,
     tolerance: FitTolerance,
 ) -> Piecewise:
-    """Return a function between two times as polynomials.
-
-    Parameters
-    ----------
-    function : callable
-        ``function(times)`` returns values (k, d) at k times.
-    low, high : float
-    n_samples : int
-        Number of equidistant times at which the polynomials are compared with the function, beside
-        some next to both ends. Features narrower than their distance may be missed.
-    tolerance : FitTolerance
-    """
+    """Return a function (k, d) of k times as polynomials between `low` and `high`."""
+    # compared at n_samples equidistant times, between which narrow features may be missed
     spacing = (high - low) / n_samples
     beside = spacing * _BESIDE_ENDS
     times = low + spacing * (np.arange(n_samples) + 0.5)
@@ -140,10 +117,8 @@ def _fitted(
     samples: tuple[np.ndarray, np.ndarray, float],
     tolerance: FitTolerance,
 ) -> _Fit:
-    """Return polynomials between edges; intervals are cut where a polynomial is not accurate.
-
-    `samples` are times, values there, and the length up to which intervals show a jump.
-    """
+    """Return polynomials between edges; intervals are cut where a polynomial is not accurate."""
+    # samples: times, values there, and the length up to which intervals show a jump
     (times, known, short), tol, span = samples, tolerance.tol, edges[-1] - edges[0]
     sizes = np.maximum(np.abs(known).max(axis=0), LEAST_SIZE)
     low, high, complete = edges[:-1], edges[1:], True
@@ -178,12 +153,9 @@ def _fitted(
 
 
 def to_polynomials(values: np.ndarray, rest: np.ndarray | None) -> np.ndarray:
-    """Return coefficients (n, d, N_COEFFICIENTS) of polynomials by their values at the nodes.
-
-    values (n, N_COEFFICIENTS, d). Values that differ by rounding only become a constant, which is
-    `rest` (d,) up to rounding. So nothing resolves the rounding errors of a solution at rest. They
-    remain if `rest` is None.
-    """
+    """Return coefficients (n, d, N_COEFFICIENTS) by values (n, N_COEFFICIENTS, d) at the nodes."""
+    # Values that differ by rounding only become a constant, `rest` (d,) up to rounding, so that
+    # nothing resolves the rounding errors of a solution at rest. They remain if `rest` is None.
     coefficients = np.moveaxis(np.einsum("ij,njd->nid", TO_COEFFICIENTS, values), 1, 2)
     if rest is None:
         return coefficients
@@ -198,11 +170,9 @@ def to_polynomials(values: np.ndarray, rest: np.ndarray | None) -> np.ndarray:
 
 
 def _brackets(fit: _Fit, short: float) -> np.ndarray:
-    """Return the indices (k,) of the intervals in which the function jumps or has a corner.
-
-    Each is the one with the largest difference in a group of intervals below the length `short`.
-    Groups at the ends of the time are left out.
-    """
+    """Return the indices (k,) of the intervals in which the function jumps or has a corner."""
+    # of each group of intervals below the length `short`, but for those at the ends of the time,
+    # the one with the largest difference
     length = fit.high - fit.low
     inside = (fit.low > fit.low[0] + short) & (fit.high < fit.high[-1] - short)
     which = np.flatnonzero((length <= short) & inside)
@@ -212,11 +182,9 @@ def _brackets(fit: _Fit, short: float) -> np.ndarray:
 
 
 def _crossings(fit: _Fit, left: np.ndarray, right: np.ndarray) -> np.ndarray:
-    """Return the times (k,) at which straight lines meet; NaN if they are parallel.
-
-    They continue the polynomials `left` beyond their ends, and `right` before their starts. The
-    component with the largest change of its slope counts.
-    """
+    """Return the times (k,) at which straight lines meet; NaN if they are parallel."""
+    # They continue the polynomials `left` beyond their ends, and `right` before their starts. The
+    # component with the largest change of its slope counts.
     low, high = fit.low[right, None], fit.high[left, None]
     before, after = (np.moveaxis(fit.coefficients[which], 2, 0) for which in (left, right))
     length, next_length = high - fit.low[left, None], fit.high[right, None] - low
@@ -232,10 +200,8 @@ def _crossings(fit: _Fit, left: np.ndarray, right: np.ndarray) -> np.ndarray:
 def _located(
     function: Callable[[np.ndarray], np.ndarray], low: np.ndarray, high: np.ndarray
 ) -> np.ndarray:
-    """Return the times of jumps between `low` and `high`, (k,) each, accurate to rounding.
-
-    A time in the middle belongs to the side whose value is nearer. Corners remain inside.
-    """
+    """Return the times of jumps between `low` and `high`, (k,) each, accurate to rounding."""
+    # a time in the middle belongs to the side whose value is nearer; corners remain inside
     left, right = function(low), function(high)
     for _ in range(_HALVINGS_TO_JUMP):
         middle = low + 0.5 * (high - low)

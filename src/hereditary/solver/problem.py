@@ -29,10 +29,7 @@ _LEAST_ROWS = 8
 
 
 class Outcome(NamedTuple):
-    """A solution, the stepper that made it, and the times (k,) at which y jumped on the way.
-
-    Times count from the start of the equation.
-    """
+    """A solution, its stepper, and the times (k,) of jumps of y, from the start of the equation."""
 
     solution: Solution
     stepper: ResumableStepper
@@ -41,23 +38,11 @@ class Outcome(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Problem:
-    """A system, the end of its run, and all that acts on the way.
-
-    Parameters
-    ----------
-    system : System
-    t_end : float
-        End of the run, the user's time.
-    breaks : ndarray, shape (k,)
-        Times at which the right-hand side jumps, counted from the start.
-    events, switches : tuple of callable
-    changes : Mapping of float and callable
-        Arguments of `solve`.
-    """
+    """A system, the end of its run, and all that acts on the way."""
 
     system: System
-    t_end: float
-    breaks: np.ndarray
+    t_end: float  # the user's time
+    breaks: np.ndarray  # (k,), times at which f jumps, from the start
     events: tuple[Any, ...]
     switches: tuple[Callable, ...]
     changes: Mapping[float, Callable]
@@ -80,11 +65,8 @@ class Problem:
         late: Callable[[ResumableStepper], bool] | None = None,
         **steps: Any,
     ) -> Outcome:
-        """Solve the problem by a scheme, from the start or from a state.
-
-        `steps` are the arguments of `solve` that say how to step. ``late(stepper)`` is called
-        between parts of a run of `Collocation`; it ends the run if it is True.
-        """
+        """Solve the problem by a scheme, from the start or from a state."""
+        # late(stepper): called between parts of a run of `Collocation`, which ends where it is True
         began = time.perf_counter()
         system, hybrid, t_end = self.system, None, self.t_end - self.system.frame.start
         if self.acts:

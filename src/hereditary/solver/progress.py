@@ -14,15 +14,7 @@ from ..support.checks import truth
 
 
 class ProgressBar:
-    """Progress bar on a terminal or in a notebook, with the time left; silent elsewhere.
-
-    Parameters
-    ----------
-    shown : bool
-        Whether to show the bar.
-    stream : text stream, optional
-        Stream to write to; standard error by default.
-    """
+    """Progress bar on a terminal or in a notebook, with the time left; silent elsewhere."""
 
     WIDTH = 30
     SECONDS_BETWEEN = 0.1
@@ -84,18 +76,15 @@ def _clock(seconds: float) -> str:
 
 
 class Interruption:
-    """Context that counts Ctrl-C in `asked` instead of raising KeyboardInterrupt.
-
-    A run looks at `asked` between batches of steps. When it stops, it sets `heeded`. After
-    `max_asked` times, one by default, the next Ctrl-C raises KeyboardInterrupt at once. At the end
-    of the context a Ctrl-C raises it too if `heeded` is still False: it came too late. A
-    KeyboardInterrupt gets `result`, if it is set, as its attribute. Outside of the main thread,
-    which gets all signals, the context raises nothing.
-    """
+    """Context that counts Ctrl-C in `asked` instead of raising KeyboardInterrupt."""
 
     result: Any = None
 
     def __init__(self, max_asked: int = 1) -> None:
+        # A run looks at `asked` between batches of steps, and sets `heeded` when it stops. After
+        # `max_asked` times the next Ctrl-C raises at once. A Ctrl-C that is not heeded raises at
+        # the end of the context. The KeyboardInterrupt has `result` as its attribute. Only the main
+        # thread gets signals.
         self.asked, self.heeded, self._max_asked = 0, False, max_asked
         self._previous: Any = None
 

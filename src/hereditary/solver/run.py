@@ -24,19 +24,7 @@ _LITTLE = 100_000
 
 
 class Drive:
-    """Marches a stepper to given positions, and reports how the run ends if it stops earlier.
-
-    Parameters
-    ----------
-    march : Stepper
-    end : int or float
-        Position at which the whole run ends.
-    advance : callable
-        ``advance(stop)`` marches a part of the way to `stop`. It returns None, or an `Ending` if
-        the run ends there.
-    interruption : Interruption
-    bar : ProgressBar
-    """
+    """Marches a stepper to given positions, and reports how the run ends if it stops earlier."""
 
     def __init__(
         self,
@@ -46,6 +34,8 @@ class Drive:
         interruption: Interruption,
         bar: ProgressBar,
     ) -> None:
+        # end: position of the end of the whole run; advance(stop): marches a part of the way, and
+        # returns None or the `Ending` of the run
         self._march, self._first, self._end = march, march.position, end
         self._advance, self._interruption, self._bar = advance, interruption, bar
 
@@ -73,12 +63,9 @@ def run(
     march: Callable[[Drive, Any], Ending | None] = Drive.to,
     late: Callable[[ResumableStepper], bool] | None = None,
 ) -> Solution:
-    """March to position `stop`, the user's time `t_end`, and return the `Solution`.
-
-    If the run ends earlier, the solution has the rows up to there. `began` is the
-    time.perf_counter() at which the preparation of the run began. ``march(drive, stop)`` marches to
-    `stop` with a `Drive`. The run also ends where ``late(stepper)`` is True after a part of it.
-    """
+    """March to position `stop`, the user's time `t_end`, and return the `Solution` up to there."""
+    # began: time.perf_counter() when the preparation began; march(drive, stop): marches to `stop`;
+    # late(stepper): the run ends where it is True after a part
     ready = time.perf_counter()
     events = output.events
 
@@ -152,10 +139,8 @@ def reached_end(diagnostics: Diagnostics) -> Status:
 
 
 def report(stepper: Stepper, ended: Ending, diagnostics: Diagnostics) -> str:
-    """Return the message of a run, its status with numbers; warn if it ended early or is unstable.
-
-    There is no warning if a function called in Python raised: its exception is raised again later.
-    """
+    """Return the message of a run with its numbers; warn if it ended early or is unstable."""
+    # no warning if a function called in Python raised: its exception is raised again later
     inaccurate, (status, detail, error) = Status.KERNEL_INACCURATE, ended
     detail = diagnostics.misfit if status is inaccurate else detail
     message = status.sentence + (f": {detail}" if detail else "")

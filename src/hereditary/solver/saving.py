@@ -48,10 +48,7 @@ def write_result(path: str | os.PathLike, arrays: dict[str, Any], text: dict[str
 
 
 def read_result(path: str | os.PathLike, required: str, made: Callable[[dict, dict], Any]) -> Any:
-    """Return ``made(arrays, text)`` of a file that `write_result` wrote.
-
-    Raises ValueError, with what was `required`, for any other file.
-    """
+    """Return ``made(arrays, text)`` of a file of `write_result`; refuse others by `required`."""
     try:
         with open(path, "rb") as file, np.load(file, allow_pickle=False) as loaded:
             arrays = {name: loaded[name] for name in loaded.files}
@@ -63,11 +60,8 @@ def read_result(path: str | os.PathLike, required: str, made: Callable[[dict, di
 
 
 def stored_state(state: State, arrays: dict[str, Any]) -> dict[str, Any]:
-    """Return a state as plain values; its arrays are added to `arrays`.
-
-    Raises TypeError if the state contains anything but arrays, numbers and known objects, as that
-    of a user's history may.
-    """
+    """Return a state as plain values; its arrays are added to `arrays`."""
+    # TypeError for what is no array, number or known object, as in a state of a user's history
     return {"version": state.version, "parts": _stored(state, _STATE, arrays)}
 
 
@@ -83,10 +77,8 @@ def take_arrays(arrays: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
 
 
 def _stored(part: Any, name: str, arrays: dict[str, Any]) -> Any:
-    """Return a part of a state as plain values, and add its arrays, whose names begin with `name`.
-
-    A part that is no plain value becomes a dict whose first key is the kind of the part.
-    """
+    """Return a part of a state as plain values; add its arrays, named by `name` and a number."""
+    # a part that is no plain value becomes a dict whose first key is the kind of the part
     if part is None or type(part) in (bool, int, float, str):
         return part
     if isinstance(part, np.ndarray | np.generic):

@@ -269,10 +269,7 @@ def solve(
 def _begin(
     resume: State | None, scheme: Scheme, allow_change: bool, start: float, t_end: float
 ) -> float:
-    """Return the user's time at which a run to t_end begins: `start`, or that of the state.
-
-    Refuses a state that does not fit the scheme or has been changed.
-    """
+    """Return the user's time at which a run to t_end begins; refuse a state that does not fit."""
     if resume is None:
         if allow_change:
             remedy = "it allows another right-hand side than the state's"
