@@ -57,10 +57,8 @@ def _summed(left: Iterable[SystemTerm]) -> list[SystemTerm]:
 
 
 def _solved(left: Sequence[SystemTerm], d: int) -> tuple[list[Entry], np.ndarray | None]:
-    """Return the terms of d equations solved for the highest derivatives, and a matrix or None.
-
-    The matrix is A^-1 of the module's docstring, which multiplies f.
-    """
+    """Return the terms of d equations solved for the highest derivatives, and a matrix or None."""
+    # the matrix is A^-1 of the module's docstring, which multiplies f
     where = "beside orders above 2 and coefficients that are matrices"
     for operator, _ in left:
         if operator.varies or operator.from_zero:
@@ -101,28 +99,15 @@ def _highest_of_caputo(left: Iterable[SystemTerm], d: int) -> np.ndarray:
 
 
 class Chained(NamedTuple):
-    """System of an equation with orders above 2 or matrices, and which components are y'.
-
-    `speeds` (d,) has for each component of y the number of the component that is its derivative, or
-    -1 if there is none. It is empty if no derivatives are components.
-    """
+    """System of an equation with orders above 2 or matrices, and which components are y'."""
 
     system: System
-    speeds: np.ndarray
+    speeds: np.ndarray  # (d,), the component that is y' of each, -1 for none; empty if none is any
 
 
 def chained(left: Sequence[SystemTerm], y0: np.ndarray, functions: Functions) -> Chained:
-    """Return the system of an equation with orders above 2 or matrices, as `Chained`.
-
-    Parameters
-    ----------
-    left : list of SystemTerm
-        Terms of the left side. All coefficients have shape (d,), or all (d, d) with a row for each
-        equation.
-    y0 : ndarray, shape (m, d)
-        Initial values, m = ceil(highest order).
-    functions : Functions
-    """
+    """Return the system of an equation with orders above 2 or matrices, as `Chained`."""
+    # coefficients (d,), or all (d, d) with a row for each equation; y0 (m, d), m = ceil(order)
     d, above = y0.shape[1], len(y0) > 2
     if not above and np.any([c.any(axis=1) for _, c in left], axis=0).sum() < d:
         return _with_algebraic_rows(_summed(left), y0, functions)
@@ -172,12 +157,10 @@ def chained(left: Sequence[SystemTerm], y0: np.ndarray, functions: Functions) ->
 def _with_algebraic_rows(
     left: Sequence[SystemTerm], y0: np.ndarray, functions: Functions
 ) -> Chained:
-    """Return the system of ``C D^alpha y = f``, where rows of C are 0, as `Chained`.
-
-    The components are y and, for each nonzero row c of C, a further component z = c y. The equation
-    of z is D^alpha z = f_c, with the same row of f. The equations of y are algebraic: z = c y for
-    the nonzero rows, and 0 = f for the others.
-    """
+    """Return the system of ``C D^alpha y = f``, where rows of C are 0, as `Chained`."""
+    # The components are y and, for each nonzero row c of C, a further component z = c y. The
+    # equation of z is D^alpha z = f_c, with the same row of f. The equations of y are algebraic:
+    # z = c y for the nonzero rows, and 0 = f for the others.
     d = y0.shape[1]
     rows = np.flatnonzero(left[0].coefficients.any(axis=1)).tolist() if left else []
     matrix = left[0].coefficients[rows] if left else np.zeros((0, d))

@@ -72,29 +72,20 @@ def _of_time(name: str, given: Any, remedy: str) -> None:
 
 
 class Earlier(NamedTuple):
-    """The solution before `origin`, the user's start, as a delay reads it.
-
-    - values: y at n times of the user, shape (n, d), complex if y is complex.
-    - first: y at the time ``origin - tau``, (d,).
-    """
+    """The solution before `origin`, the user's start, as a delay reads it."""
 
     delay: Delay
-    values: Callable
+    values: Callable  # y at n times of the user, (n, d), complex if y is complex
     origin: float
-    first: np.ndarray
+    first: np.ndarray  # y at the time origin - tau, (d,)
 
 
 class Delayed(NamedTuple):
-    """A delay of a system, whose times count from the start.
-
-    - past: the delay and the solution before the start.
-    - number: its number among the delays of the right-hand side.
-    - displacement: displacement of the solution before the start, (d,), for neighbouring orbits.
-    """
+    """A delay of a system, whose times count from the start."""
 
     past: Earlier
-    number: int
-    displacement: np.ndarray
+    number: int  # among the delays of the right-hand side
+    displacement: np.ndarray  # of the solution before the start, (d,), for neighbouring orbits
 
     def ago(self, t: np.ndarray) -> np.ndarray:
         """Return the times t - tau(t), the shape of t."""
@@ -191,15 +182,8 @@ def _past(delay: Delay, y0: np.ndarray, origin: float) -> Earlier:
 def reading(
     functions: Functions, pasts: Sequence[Earlier | None]
 ) -> tuple[Functions, tuple[Delayed, ...]]:
-    """Return functions that read delays from tables, and the delays; the functions without delays.
-
-    Parameters
-    ----------
-    functions : Functions
-        Those of y and k rows of memory.
-    pasts : sequence of length k
-        For each row of memory its past if it is a delay. None if the row remains an unknown.
-    """
+    """Return functions that read delays from tables, and the delays; `functions` without delays."""
+    # functions have k rows of memory; pasts: one for each row, None if it remains an unknown
     if not any(pasts):
         return functions, ()
     rows, found = [], list[Delayed]()

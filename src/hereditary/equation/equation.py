@@ -227,10 +227,8 @@ class Equation:
         return self.system.params
 
     def _stated(self, initial: Initial, matrices: bool) -> JacobianInfo | None:
-        """Check what is stated of the Jacobian, and return it as `JacobianInfo`; None for nothing.
-
-        `matrices` says whether coefficients of the terms are matrices.
-        """
+        """Check what is stated of the Jacobian, and return it as `JacobianInfo` or None."""
+        # matrices: whether coefficients of the terms are matrices
         if self.rhs is not None and self.linear is self.bandwidth is self.jac_sparsity is None:
             return None
         self.linear, self.jac_sparsity = copied(self.linear), copied(self.jac_sparsity)
@@ -253,11 +251,7 @@ class Equation:
         return functions_of(self.rhs, entries, self.jac_memory, start, hint, shape)
 
     def _solved(self, left: list[SystemTerm], functions: Functions, **known: Any) -> System:
-        """Return the system to solve, without matrices as coefficients and without orders above 2.
-
-        An equation with either is first rewritten by `chained`. `known` are further fields of the
-        system.
-        """
+        """Return the system to solve, without matrices as coefficients and orders above 2."""
         y0 = self._initial.needed(left)
         kept = [term for term in self.memory if not isinstance(term, Delay)]
         check_leading(left, y0, bool(kept))
@@ -330,11 +324,8 @@ class Equation:
         return Equation(**(self._arguments() | changes))
 
     def _with_params(self, params: np.ndarray) -> Equation | None:
-        """Return the equation with other parameters; None if functions must be checked again.
-
-        The functions are the same and were checked before, so one call of the right-hand side is
-        enough.
-        """
+        """Return the equation with other parameters; None if functions must be checked again."""
+        # the functions were checked before, so one call of the right-hand side is enough
         system = self.system
         alone = not system.reads and system.structure is None and not self._in_python
         same = params.size == system.functions.params.size
@@ -371,10 +362,8 @@ class Equation:
             raise original(error) from None
 
     def current(self) -> Equation:
-        """Return this equation with the present globals and closed-over values of its functions.
-
-        It is the same object if no value has changed since it was made.
-        """
+        """Return this equation with the present globals and closed-over values of its functions."""
+        # the same object if no value has changed since it was made
         return self if self._present_values() == self._frozen else self.replace()
 
     def _digest_of_rhs(self) -> str:

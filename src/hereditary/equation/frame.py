@@ -10,26 +10,15 @@ from numpy.typing import ArrayLike
 
 
 class Frame(NamedTuple):
-    """Map between times and components inside a run and those of the user.
+    """Map between times and components inside a run and those of the user."""
 
-    A run begins at time 0 inside, and all of its components are real. The real and the imaginary
-    part of a complex component are two components of the run, next to each other. For orders above
-    2 derivatives of y are further components.
+    # A run begins at time 0 inside, and all of its components are real. The real and the imaginary
+    # part of a complex component are two components of the run, next to each other. For orders
+    # above 2 derivatives of y are further components.
 
-    Attributes
-    ----------
-    start : float
-        Time of the user that is time 0 inside.
-    paired : bool
-        Whether components of the user are complex.
-    speeds : tuple of int
-        For each real component of y, the number of the component that is its first derivative, or
-        -1 if there is none. Empty if no derivatives are components.
-    """
-
-    start: float = 0.0
-    paired: bool = False
-    speeds: tuple[int, ...] = ()
+    start: float = 0.0  # time of the user that is time 0 inside
+    paired: bool = False  # whether components of the user are complex
+    speeds: tuple[int, ...] = ()  # for each real one of y, the component that is y', or -1
 
     def values(self, inside: np.ndarray) -> np.ndarray:
         """Return y in the user's components, from the n components (..., n) of a run."""
@@ -59,10 +48,8 @@ class Frame(NamedTuple):
     def event(
         self, function: Callable[..., Any], memory: Callable[[float], np.ndarray] | None = None
     ) -> Callable[..., Any]:
-        """Return an event function of the user as a function of times and components of a run.
-
-        ``memory(t)`` has the rows, real components of a run, that the function reads third.
-        """
+        """Return an event function of the user as a function of times and components of a run."""
+        # memory(t): the rows, real components of a run, that the function reads third
         alike = self == Frame() and memory is None
         return function if alike else _Inside(function, self, memory)
 

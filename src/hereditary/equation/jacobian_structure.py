@@ -30,18 +30,7 @@ class Band(NamedTuple):
 
 
 class Structure:
-    """Entries of a square Jacobian of n components, and the constant ones among their summands.
-
-    Parameters
-    ----------
-    n : int
-    rows, columns : ndarray of int64, shape (k,)
-        Places of the entries, each once, the diagonal among them.
-    constants : ndarray, shape (k,), optional
-        Summands known beforehand, which given Jacobians leave out; 0 by default.
-    places : ndarray of int64, shape (k,), optional
-        Position of each entry in the array of a given Jacobian, -1 for none. None for differences.
-    """
+    """Entries of a square Jacobian of n components, and the constant ones among their summands."""
 
     def __init__(
         self,
@@ -51,6 +40,9 @@ class Structure:
         constants: np.ndarray | None = None,
         places: np.ndarray | None = None,
     ) -> None:
+        # rows, columns (k,) int64: places of the entries, each once, the diagonal among them;
+        # constants (k,): summands that given Jacobians leave out, 0 by default; places (k,) int64:
+        # position of each entry in the array of a given Jacobian, -1 for none, None for differences
         self.n, self.rows, self.columns = n, rows, columns
         self.constants = np.zeros(rows.size) if constants is None else constants
         self.places = places
@@ -151,18 +143,13 @@ class Structure:
 
 
 class JacobianInfo(NamedTuple):
-    """Statements of an equation about its Jacobian.
+    """Statements of an equation about its Jacobian."""
 
-    `rows` and `columns` (k,) are those of the entries of d rhs / d y, None if any entry may differ
-    from 0. `jac` fills an array of `shape`, in which the entries have the positions `places` (k,).
-    `linear` is the constant matrix as SciPy's CSR array, or None.
-    """
-
-    rows: np.ndarray | None
+    rows: np.ndarray | None  # (k,), of entries of d rhs / d y that may differ from 0; None for all
     columns: np.ndarray | None
-    shape: tuple
-    places: np.ndarray | None
-    linear: Any
+    shape: tuple  # of the array that `jac` fills
+    places: np.ndarray | None  # (k,), positions of the entries in it
+    linear: Any  # the constant matrix as SciPy's CSR array, or None
 
     def values_of(self, jac: Callable | None, start: Start) -> Callable | None:
         """Return a Jacobian that returns values of entries, from one that may return matrices."""
@@ -231,10 +218,8 @@ def jacobian_info(
     jac_sparsity: Any = None,
     linear: Any = None,
 ) -> JacobianInfo:
-    """Check what an equation of d components states of its Jacobian; return it as `JacobianInfo`.
-
-    `rearranged` says whether the system that is solved has other components than y.
-    """
+    """Check what an equation of d components states of its Jacobian, and return it."""
+    # rearranged: whether the system that is solved has other components than y
     given = {"bandwidth": bandwidth, "jac_sparsity": jac_sparsity, "linear": linear}
     named = [name for name, part in given.items() if part is not None]
     if named and rearranged:

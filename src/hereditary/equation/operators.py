@@ -178,11 +178,8 @@ class Caputo(Summand):
         return self.varying is None
 
     def parts(self, orders: np.ndarray) -> list[tuple[Operator, np.ndarray | bool]]:
-        """Return pairs of an operator of a `System` and which components (d,) have it.
-
-        True stands for all components.         `orders` (d,) are the orders of the components after
-        the equation has rounded them. They are ignored if the order varies.
-        """
+        """Return pairs of an operator and which components (d,) have it, True for all."""
+        # orders (d,): those of the components after rounding, ignored if the order varies
         if self.varying is not None:
             return [(self.varying, True)]
         return [(ConstantOrder(a), orders == a) for a in dict.fromkeys(orders.tolist())]
@@ -327,11 +324,8 @@ class Term(Summand):
         return Term(self.operator, checked * own)
 
     def plain(self) -> Term:
-        """Return an equal term in the simplest form.
-
-        A factor of the kernel becomes part of the coefficient. A power law with m of 1 or 2 becomes
-        Caputo's derivative.
-        """
+        """Return an equal term in the simplest form."""
+        # the coefficient gets a kernel's factor; a power law of m > 0 becomes Caputo's derivative
         operator, coefficient = self.operator, self.coefficient
         if not isinstance(operator, Memory):
             return self

@@ -48,11 +48,9 @@ def left_side(
     orders: Iterable[np.ndarray],
     origin: float,
 ) -> list[SystemTerm]:
-    """Return the terms of a system's left side; a term with several orders gives one for each.
-
-    `factors` are the coefficients of the user's terms. `orders` has for each term of constant order
-    the orders of all components. `origin` is the user's time at time 0 of the system.
-    """
+    """Return the terms of a system's left side; a term with several orders gives one for each."""
+    # factors: coefficients of the user's terms; orders: those of all components for each term of
+    # constant order; origin: the user's time at time 0 of the system
     left, rows = [], iter(orders)
     for term, c in zip(terms, factors, strict=True):
         row = next(rows) if term.operator.constant else np.zeros(0)
@@ -64,10 +62,8 @@ def left_side(
 
 
 def factors_of(terms: Sequence[Term], d: int, paired: bool) -> np.ndarray:
-    """Return the terms' coefficients, (n_terms, d), or (n_terms, d, d) if one is a matrix.
-
-    If components are complex (`paired`), d becomes 2 d.
-    """
+    """Return the terms' coefficients, (n_terms, d), or (n_terms, d, d) if one is a matrix."""
+    # d becomes 2 d if components are complex (`paired`)
     found = [t.coefficient for t in terms]
     if all(factor.ndim < 2 for factor in found):
         return per_component("coefficient", found, d, paired)
@@ -93,11 +89,9 @@ def orders_of(terms: Sequence[Term], d: int, paired: bool) -> np.ndarray:
 
 
 def check_leading(left: Iterable[SystemTerm], y0: np.ndarray, reads: bool) -> None:
-    """Refuse components without Caputo or Memory terms, and initial values that no term needs.
-
-    A component must have another term besides RiemannLiouville terms, or no term at all. If the
-    right-hand side reads memory (`reads`), an algebraic row may have initial values of all orders.
-    """
+    """Refuse components without Caputo or Memory terms, and initial values that no term needs."""
+    # A component must have another term besides RiemannLiouville terms, or no term at all. If f
+    # reads memory (`reads`), an algebraic row may have initial values of all orders.
     d = y0.shape[1]
     highest = leading_orders([term for term in left if not term.operator.from_zero], d)
     present = np.array([own.reshape(-1, d).any(axis=0) for _, own in left]).any(axis=0)
@@ -117,12 +111,9 @@ def check_leading(left: Iterable[SystemTerm], y0: np.ndarray, reads: bool) -> No
 
 
 def _check_initial_terms(left: Iterable[SystemTerm], leading: np.ndarray) -> None:
-    """Refuse Riemann-Liouville terms whose order is too high in a component.
-
-    `leading` (d,) are the highest orders of the components' other terms. The order must be below
-    them. If they exceed 1, it must be below them by more than 1: y' would be infinite at 0
-    otherwise.
-    """
+    """Refuse Riemann-Liouville terms whose order is too high in a component."""
+    # It must be below `leading` (d,), the highest order of the component's other terms. If that
+    # exceeds 1, it must be below it by more than 1: y' would be infinite at 0 otherwise.
     for operator, coefficients in left:
         if not operator.from_zero:
             continue
@@ -146,10 +137,8 @@ def _order_at_start(operator: Operator) -> float:
 def per_component(
     name: str, arrays: Sequence[np.ndarray], d: int, paired: bool = False
 ) -> np.ndarray:
-    """Return an array with a row of d entries for each of `arrays`: numbers, or arrays (d,).
-
-    If components are complex (`paired`), each entry is repeated, for 2 d real components.
-    """
+    """Return a row of d entries for each of `arrays`, which are numbers or (d,)."""
+    # entries are repeated if components are complex (`paired`), for 2 d real components
     for array in arrays:
         if array.ndim and array.size != d:
             required = f"be one number or one for each of the {d} components"
@@ -184,12 +173,9 @@ def _read_terms(memory: Summand) -> tuple[Term, ...]:
 
 
 def with_memory(system: System, memory: Sequence[Term]) -> System:
-    """Return a system with the k terms of memory that its right-hand side reads as components.
-
-    The d components of `system` are followed by d components for each term of `memory`. The term is
-    the left side of such a component, so schemes discretise it like a term of an equation. Its
-    increments are those of the component in `sources`.
-    """
+    """Return a system with the k terms of memory that its right-hand side reads as components."""
+    # Each term adds d components, of which it is the left side, so that schemes discretise it like
+    # a term of an equation. Its increments are those of the source.
     d, k, origin, paired = system.d, len(memory), system.frame.start, system.frame.paired
     own_d = d // 2 if paired else d
     factors = factors_of(memory, own_d, paired)
@@ -213,10 +199,8 @@ def with_memory(system: System, memory: Sequence[Term]) -> System:
 
 
 def _without_unread(system: System, left: Sequence[SystemTerm], factors: np.ndarray) -> System:
-    """Return a system with its memory components, but without those whose factor (k, d) is 0.
-
-    The right-hand side still gets 0 as the value of an omitted component.
-    """
+    """Return a system with its memory components, but without those whose factor (k, d) is 0."""
+    # the right-hand side still gets 0 as the value of an omitted component
     k, d = factors.shape
     kept = np.append(np.full(d, True), factors.ravel() != 0)
     sources = np.tile(np.arange(d), 1 + k)[kept]
@@ -232,11 +216,9 @@ def _without_unread(system: System, left: Sequence[SystemTerm], factors: np.ndar
 
 
 def _check_below(operator: Operator, read: np.ndarray, system: System) -> None:
-    """Refuse memory of an order that is not below the highest order of its components.
-
-    `read` (d,) says which components the memory has. For algebraic components the order may be any
-    for which y0 has the initial values.
-    """
+    """Refuse memory of an order that is not below the highest order of its components."""
+    # read (d,): which components the memory has; for algebraic ones the order may be any for which
+    # y0 has the initial values
     bare = system.algebraic
     if operator.derivative > system.m and np.any(read & bare) and operator.constant:
         remedy = f"add 0 * Caputo({operator.order:g}) to the terms, and y'(0) to y0"
@@ -260,18 +242,12 @@ _SPEED = (
 
 
 class Initial(NamedTuple):
-    """Initial values of an equation.
+    """Initial values of an equation."""
 
-    - given: all rows of y0, (k, d), as `Equation` accepts them again; real or complex.
-    - values: the rows y(0), y'(0), ... that the highest order needs, (m, d).
-    - shorthand: y0 as the user gave it, for messages.
-    - stated_d: the argument `d` of `Equation`, or None.
-    """
-
-    given: np.ndarray
-    values: np.ndarray
-    shorthand: np.ndarray
-    stated_d: int | None
+    given: np.ndarray  # all rows of y0, (k, d), as `Equation` accepts them again; real or complex
+    values: np.ndarray  # the rows y(0), y'(0), ... that the highest order needs, (m, d)
+    shorthand: np.ndarray  # y0 as the user gave it, for messages
+    stated_d: int | None  # the argument `d` of `Equation`, or None
 
     @property
     def d(self) -> int:

@@ -37,70 +37,28 @@ class _of_left(cached_property[_T]):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class System:
-    """A sum of terms with memory for each component, equal to a right-hand side.
+    """A sum of terms with memory for each component, equal to a right-hand side."""
 
-    `Equation.system` is a system with all checks done. There are d components. The first `n_solved`
-    of them have an equation. The others are memory that the right-hand side reads: each is a term
-    of its source, one of the first components.
-
-    Attributes
-    ----------
-    left : tuple of SystemTerm
-        Operators with their coefficients: of the left side, or of the term that a memory component
-        is.
-    y0 : ndarray, shape (m, d)
-        y(0), and y'(0) if m = 2; a memory component has those of its source.
-    functions : Functions
-        Right-hand side, its Jacobian and parameters, for compiled code; 0 by default.
-    force_of_plan : callable, optional
-        ``force_of_plan(t, y)`` in place of the right-hand side, in a system that serves only to
-        make plans.
-    sources : ndarray of int64, shape (d,), optional
-        Source of each component: the component whose memory it is. A component with an equation is
-        its own source.
-    structure : Structure, optional
-        Entries of the Jacobian that may differ from 0. With it, functions for the Jacobian set
-        these entries only.
-    of_y : ndarray of int64, shape (d,), optional
-        The component of y to which each component belongs, its source by default.
-    frame : Frame
-        Map between times and components of a run and those of the user.
-    rhs_digest, terms_digest : str
-        Digests of the user's right-hand side, and of terms that `left` does not contain. They are
-        equal in other processes.
-    matrix : scipy.sparse.csr_array, optional
-        Constant matrix that is part of the right-hand side.
-    linear_alone : bool
-        Whether this matrix is the complete right-hand side.
-    callbacks : tuple
-        Callbacks to functions in Python. The system keeps them alive while compiled code may call
-        their addresses.
-    by_params : int
-        Number of tangents that are derivatives by parameters: tangent k is that by parameter k.
-    switches : tuple
-        Compiled switches. The system keeps them alive.
-    delays : tuple of Delayed
-        Delays, whose values the right-hand side reads from `functions`.
-    m, d : int
-        Numbers of initial values of each component, and of components, from the shape of y0.
-    """
+    # `Equation.system` is a system with all checks done. There are d components. The first
+    # `n_solved` of them have an equation. The others are memory that the right-hand side reads:
+    # each is a term of its source, one of the first components.
 
     left: Iterable[SystemTerm]  # a tuple from __post_init__ on
-    y0: np.ndarray
-    functions: Functions = field(default_factory=no_functions)
-    force_of_plan: Any = None
-    sources: Any = None
-    structure: Structure | None = None
-    of_y: Any = None
+    y0: np.ndarray  # (m, d): y(0), and y'(0) if m = 2; those of the source for memory
+    functions: Functions = field(default_factory=no_functions)  # f, its Jacobian and parameters
+    force_of_plan: Any = None  # force_of_plan(t, y) instead of f, to make plans
+    sources: Any = None  # (d,) int64: source of each component, itself if it has an equation
+    structure: Structure | None = None  # entries that may differ from 0, those of a given Jacobian
+    of_y: Any = None  # (d,): component of y to which each belongs, its source by default
     frame: Frame = _IDENTITY_FRAME
-    rhs_digest: str = ""
-    terms_digest: str = ""
-    matrix: Any = None
-    linear_alone: bool = False
-    callbacks: tuple = ()
-    by_params: int = 0
-    delays: tuple[Delayed, ...] = ()
-    switches: tuple = ()
+    rhs_digest: str = ""  # of the user's right-hand side, equal in other processes
+    terms_digest: str = ""  # of terms that `left` does not contain
+    matrix: Any = None  # constant CSR array that is part of the right-hand side
+    linear_alone: bool = False  # whether it is the complete right-hand side
+    callbacks: tuple = ()  # to functions in Python, kept alive while compiled code may call them
+    by_params: int = 0  # number of tangents by parameters: tangent k is that by parameter k
+    delays: tuple[Delayed, ...] = ()  # whose values f reads from `functions`
+    switches: tuple = ()  # compiled ones, kept alive
     m: int = field(init=False)
     d: int = field(init=False)
 
@@ -132,10 +90,7 @@ class System:
 
     @_of_left
     def distinct(self) -> tuple[list[tuple[tuple[float, Any], ...]], np.ndarray]:
-        """The distinct lists of (coefficient, operator), and the index of each component's, (d,).
-
-        Zero coefficients are left out.
-        """
+        """Distinct lists of (nonzero coefficient, operator), and each component's index, (d,)."""
         columns = np.array([c for _, c in self.left])
         if np.all(columns == columns[:, :1]):
             columns = columns[:, :1]
@@ -160,10 +115,7 @@ class System:
 
     @property
     def params(self) -> np.ndarray:
-        """Parameters of the right-hand side, shape (p,), not to be written to.
-
-        Marches use those of `functions`, because compiled code accepts no read-only arrays.
-        """
+        """Parameters of the right-hand side, (p,), read-only: marches use those of `functions`."""
         locked = self.functions.params.view()
         locked.flags.writeable = False
         return locked
@@ -177,10 +129,8 @@ class System:
         return out
 
     def beside(self, t: float, sign: float) -> float:
-        """Return a time just after (sign 1) or just before (-1) t, by some units of rounding.
-
-        Functions that round the time differently still see it on that side of a jump at t.
-        """
+        """Return a time just after (sign 1) or just before (-1) t, by some units of rounding."""
+        # functions that round the time differently still see it on that side of a jump at t
         start = self.frame.start
         largest = max(abs(t), abs(start), abs(start + t)) if start else t
         return t + sign * 8 * math.ulp(largest)
@@ -202,10 +152,8 @@ class System:
         return np.where(self.is_memory, self.coefficient(1.0) * first, self.y0[0])
 
     def highest_orders(self) -> np.ndarray:
-        """Return the highest order with a nonzero coefficient of each component, shape (d,).
-
-        Terms with general kernels, or with orders that vary, count as the derivative inside them.
-        """
+        """Return the highest order with a nonzero coefficient of each component, shape (d,)."""
+        # terms with general kernels, or with orders that vary, count as the derivative inside them
         return self._highest_orders
 
     @_of_left
@@ -231,10 +179,7 @@ class System:
         return ~np.any(held, axis=0)
 
     def coefficient(self, alpha: float | np.ndarray) -> np.ndarray:
-        """Return the coefficient of Caputo's derivative of constant order `alpha`, shape (d,).
-
-        `alpha` is a number, or one for each component.
-        """
+        """Return the coefficient (d,) of Caputo's derivative of order `alpha`, a number or (d,)."""
         total = np.zeros(self.d)
         for operator, coefficients in self.left:
             if operator.constant:
@@ -289,12 +234,9 @@ class System:
         return any(operator.varies for operator, _ in self.left)
 
     def derivative(self, t: float, y: ArrayLike, units: np.ndarray | None = None) -> Any:
-        """Return d rhs / d y at (t, y): the given one, or differences.
-
-        The result is an array (d, d), or SciPy's CSR array if `structure` is given. Times count
-        from the start. A complex component is two real ones. `units` are those of a run to t = 1 by
-        default.
-        """
+        """Return d rhs / d y at (t, y): the given one, or differences."""
+        # (d, d), or a CSR array if `structure` is given; a complex component is two real ones;
+        # times count from the start; units are those of a run to t = 1 by default
         structure, d = self.structure, self.d
         out = np.empty((d, d)) if structure is None else structure.entries.copy()
         y = np.array(y, dtype=float)
@@ -323,10 +265,7 @@ class System:
         return found
 
     def units(self, t_end: float = 1.0) -> np.ndarray:
-        """Return units of the components in a run to t_end, (d,), for differences where y is 0.
-
-        Unknown units are 1.
-        """
+        """Return units (d,) of a run to t_end, for differences where y is 0; 1 if unknown."""
         if self.has_jac:
             return np.ones(self.d)
         known = self._known_units(t_end)
@@ -338,10 +277,8 @@ class System:
         return {}
 
     def rates(self, t_end: float) -> np.ndarray:
-        """Return f over the y that it makes in a run to t_end, if it is constant, (d,).
-
-        It is 1 / t_end for y' = f, and 0 for an algebraic row.
-        """
+        """Return f over the y that it makes in a run to t_end, if it is constant, (d,)."""
+        # 1 / t_end for y' = f, and 0 for an algebraic row
         found = self._rates.get(t_end)
         if found is None:
             found = np.zeros(self.d)
@@ -351,21 +288,15 @@ class System:
         return found
 
     def dense(self) -> System:
-        """Return the system with a dense Jacobian, for methods that need one.
-
-        If the user has stated entries of a sparse Jacobian, the dense one comes from differences.
-        """
+        """Return the system with a dense Jacobian, by differences if a sparse one is stated."""
         if self.structure is None:
             return self
         functions = self.functions.without_jac()
         return replace(self, functions=functions, structure=None, matrix=None, linear_alone=False)
 
     def motion(self, t: float, y: np.ndarray, ydot: np.ndarray) -> np.ndarray:
-        """Estimate y' at time t from y and ydot, both (d,).
-
-        For a highest order above 1 the estimate is ydot. Otherwise it is the right-hand side over
-        the leading coefficient, without the other terms.
-        """
+        """Estimate y' at time t from y and ydot, both (d,)."""
+        # ydot for a highest order above 1, otherwise f over the leading coefficient
         f = self.rhs(self.beside(t, 1), y)
         with np.errstate(divide="ignore", invalid="ignore"):
             slope = f / self.leading
@@ -390,10 +321,8 @@ def refuse_late(system: System, t_end: float) -> None:
 
 
 def leading_orders(left: Iterable[SystemTerm], d: int) -> np.ndarray:
-    """Return the highest order of each of d components in any equation; 0 without terms.
-
-    Coefficients have shape (d,), or (d, d) with a row for each equation.
-    """
+    """Return the highest order of each of d components in any equation; 0 without terms."""
+    # coefficients (d,), or (d, d) with a row for each equation
     highest = np.zeros(d)
     for operator, coefficients in left:
         held = (coefficients.reshape(-1, d) != 0).any(axis=0)
@@ -402,22 +331,10 @@ def leading_orders(left: Iterable[SystemTerm], d: int) -> np.ndarray:
 
 
 def variational(system: System, directions: np.ndarray) -> System:
-    """Return the system and its linearisation along k directions, d (1 + k) components.
-
-    Parameters
-    ----------
-    system : System
-    directions : ndarray, shape (m, d, k)
-        Derivatives of the initial values y(0), y'(0) along each of k directions.
-
-    Returns
-    -------
-    System
-        A system for plans of schemes only, which call its right-hand side from Python. A march
-        calls the right-hand side of `system`. Schemes treat all components in the same way.
-        Therefore a scheme applied to this system gives the exact derivative of the scheme applied
-        to `system`.
-    """
+    """Return the system and its linearisation along k directions, d (1 + k) components."""
+    # directions (m, d, k): derivatives of y(0), y'(0). It serves plans of schemes only, which call
+    # f from Python; a march calls that of `system`. Schemes treat all components in the same way,
+    # so a scheme applied to it gives the exact derivative of the scheme applied to `system`.
     d, k = system.d, directions.shape[2]
     y0 = np.hstack([system.y0, *np.moveaxis(directions, 2, 0)])
 
@@ -449,10 +366,8 @@ def _repeated(system: System, times: int, y0: np.ndarray, force: Any) -> System:
 
 
 def displaced(system: System, y0: np.ndarray, params: np.ndarray | None = None) -> System:
-    """Return the system with other initial values (m, n_solved) and first parameters (p,).
-
-    Delays read a past that is displaced as y(0) is.
-    """
+    """Return the system with other initial values (m, n_solved) and first parameters (p,)."""
+    # delays read a past that is displaced as y(0) is
     functions, delays = system.functions, system.delays
     if params is not None:
         params = np.concatenate((params, functions.params[params.size :]))
@@ -475,10 +390,8 @@ def with_params(system: System, params: np.ndarray) -> System:
 
 
 def _sharing(system: System, **changed: Any) -> System:
-    """Return a system with some values changed, and all that follows from the left side.
-
-    `replace` would check the fields again, and forget what follows from them.
-    """
+    """Return a system with some values changed, and all that follows from the left side."""
+    # `replace` would check the fields again, and forget what follows from them
     for name in _OF_LEFT:
         if name not in system.__dict__:
             getattr(system, name)

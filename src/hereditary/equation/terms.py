@@ -38,18 +38,10 @@ class SystemTerm(NamedTuple):
 
 @dataclass(frozen=True)
 class ConstantOrder:
-    """Caputo's derivative of a constant order.
+    """Caputo's derivative of a constant order."""
 
-    Attributes
-    ----------
-    order : float
-        alpha in (0, 2].
-    from_zero : bool
-        Whether it is Riemann and Liouville's derivative, for which y is 0 before the start.
-    """
-
-    order: float
-    from_zero: bool = False
+    order: float  # alpha in (0, 2]
+    from_zero: bool = False  # Riemann and Liouville's derivative, with y = 0 before the start
     kernel: ClassVar[MemoryKernel | None] = None
     constant: ClassVar[bool] = True
     varies: ClassVar[bool] = False
@@ -78,10 +70,8 @@ class ConstantOrder:
         return s**self.order
 
     def factor(self, h: float) -> float:
-        """Return ``h**-alpha / Gamma(p + 1)``, which multiplies sums over increments of y.
-
-        For m = 2 these sums are over differences of increments.
-        """
+        """Return ``h**-alpha / Gamma(p + 1)``, which multiplies sums over increments of y."""
+        # for m = 2 over differences of increments
         return float(h**-self.order * rgamma(self.power + 1))
 
     def rate(self, t_end: float) -> float:
@@ -103,17 +93,10 @@ class ConstantOrder:
 
 @dataclass(frozen=True)
 class KernelOperator:
-    """Operator ``int_0^t K(t-s) y^(m)(s) ds`` with a general kernel.
-
-    Attributes
-    ----------
-    kernel : MemoryKernel
-    derivative : int
-        m: 0, 1 or 2.
-    """
+    """Operator ``int_0^t K(t-s) y^(m)(s) ds`` with a general kernel."""
 
     kernel: MemoryKernel
-    derivative: int
+    derivative: int  # m: 0, 1 or 2
     constant: ClassVar[bool] = False
     varies: ClassVar[bool] = False
     classical: ClassVar[bool] = False
@@ -164,11 +147,9 @@ class KernelOperator:
 
 @lru_cache(maxsize=64)
 def _mean_symbol(kernel: MemoryKernel, m: int) -> complex:
-    """Return the factor of a term with y^(m) on the mean of a periodic y; refuse some kernels.
-
-    Refused are kernels with a constant part, for which s K^(s) has a limit other than 0 as s tends
-    to 0. If m = 0, kernels whose integral over all times is infinite or unknown are refused too.
-    """
+    """Return the factor of a term with y^(m) on the mean of a periodic y; refuse some kernels."""
+    # Refused are kernels with a constant part, for which s K^(s) has a limit other than 0 as s
+    # tends to 0, and for m = 0 those whose integral over all times is infinite or unknown.
     with np.errstate(all="ignore"):
         mean = 0.0 if m else complex(kernel.laplace(0j))
         late, later = (abs(s * kernel.laplace(s)) for s in (_LATE_S, _LATER_S))
@@ -182,24 +163,12 @@ def _mean_symbol(kernel: MemoryKernel, m: int) -> complex:
 
 @dataclass(frozen=True)
 class VaryingOrder:
-    """An order that is a function of the time, and the Caputo operator with it.
-
-    Attributes
-    ----------
-    function : callable
-        ``function(t)``, the order at time t.
-    derivative : int
-        m, 1 or 2: orders lie in (m - 1, m].
-    origin : float
-        Argument of the function at time 0 of the operator [time].
-    from_zero : bool
-        Whether it is Riemann and Liouville's derivative, for which y is 0 before the start.
-    """
+    """An order that is a function of the time, and the Caputo operator with it."""
 
     function: Callable
-    derivative: int
-    origin: float = 0.0
-    from_zero: bool = False
+    derivative: int  # m, 1 or 2: orders lie in (m - 1, m]
+    origin: float = 0.0  # argument of the function at time 0 of the operator [time]
+    from_zero: bool = False  # Riemann and Liouville's derivative, with y = 0 before the start
 
     @classmethod
     def from_function(cls, function: Callable) -> VaryingOrder:
@@ -239,37 +208,18 @@ class VaryingOrder:
         return float(t_end ** -self.sampled(np.zeros(1))[0][0])
 
     def powers(self, times: np.ndarray) -> tuple[np.ndarray, str]:
-        """Return p = m - alpha at increasing times (n,), up to the first order out of range.
-
-        Returns
-        -------
-        powers : ndarray, shape (k,)
-            k = n if all orders are in range.
-        failure : str
-            A sentence about the first order out of range; empty if there is none.
-        """
+        """Return p = m - alpha at increasing times (n,), and a failure, as `sampled` does."""
         values, failure = self.sampled(times)
         return self.derivative - values, failure
 
     def described(self, times: np.ndarray) -> object:
-        """Return a description that can be compared: orders at several times.
-
-        A function has no name that identifies it in other processes.
-        """
+        """Return orders at several times: a function has no name that identifies it elsewhere."""
         values = self.sampled(times)[0].tolist()
         return ("Riemann-Liouville", values) if self.from_zero else values
 
     def sampled(self, times: np.ndarray) -> tuple[np.ndarray, str]:
-        """Return orders at increasing times (n,), up to the first order out of range.
-
-        Returns
-        -------
-        values : ndarray, shape (k,)
-            Orders in (m - 1, m]; k = n if all are in this range.
-        failure : str
-            A sentence about the first order out of range, or about an exception of the function;
-            empty if there is neither.
-        """
+        """Return orders at increasing times (n,), up to the first out of range, and its failure."""
+        # (k,) in (m - 1, m]; a sentence about an order out of range or an exception, empty if none
         times = times + self.origin
         values = self._at_once(times)
         reason = ""
