@@ -326,11 +326,7 @@ class TabulatedKernel(Kernel):
         return found
 
     def _closest(self, t_min: float, t_max: float, tol: float, fading: bool) -> ExponentialSum:
-        """Fit all data from about `t_min` on, and the power law before the first datum.
-
-        `tol` is the largest relative misfit allowed. The closest sum is returned also if it exceeds
-        `tol`.
-        """
+        """Fit all data from about `t_min` on, and the power law before, perhaps not to `tol`."""
         # the error is checked at the data alone, because the values between them are unknown
         first = max(0, min(int(np.searchsorted(self._t, t_min)) - 1, self._t.size - 4))
         times = self._t[first:]

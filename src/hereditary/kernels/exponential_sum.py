@@ -75,46 +75,20 @@ def tolerance(argument: str, value: Any) -> float:
 
 
 class UnitFit(NamedTuple):
-    """Exponential sums of several kernels over one set of rates, on [1, R].
+    """Exponential sums of several kernels over one set of rates, on [1, R]."""
 
-    Attributes
-    ----------
-    rates : ndarray, shape (n_modes,)
-    weights : ndarray, shape (n_kernels, n_modes)
-        Non-negative; 0 for rates that only other kernels use.
-    error : float
-        Largest relative error found [-].
-    fraction : float
-        Fraction of the tolerance given to the trapezoid rule, which sets the grid of rates.
-    """
-
-    rates: np.ndarray
-    weights: np.ndarray
-    error: float
-    fraction: float
+    rates: np.ndarray  # (n_modes,)
+    weights: np.ndarray  # (n_kernels, n_modes), not negative; 0 for rates that only others use
+    error: float  # largest relative error found [-]
+    fraction: float  # of the tolerance for the trapezoid rule, which sets the grid of rates
 
 
 @lru_cache(maxsize=64)
 def fit_unit(
     exponents: tuple[float, ...], ratio: float, tol: float, fraction: float | None = None
 ) -> UnitFit:
-    """Fit several kernels ``t**-a`` on [1, ratio] with one set of rates.
-
-    Parameters
-    ----------
-    exponents : tuple of float
-        0 <= a <= 2 [-].
-    ratio : float
-        R = t_max / t_min > 1 [-].
-    tol : float
-        Relative tolerance [-].
-    fraction : float, optional
-        `UnitFit.fraction` of an earlier fit, whose grid of rates is kept.
-
-    Returns
-    -------
-    UnitFit
-    """
+    """Fit several kernels ``t**-a``, 0 <= a <= 2, on [1, ratio] with one set of rates."""
+    # fraction: that of an earlier fit, whose grid of rates is kept
     if not exponents:
         return UnitFit(np.zeros(0), np.zeros((0, 0)), 0.0, 1.0)
     if 0.0 in exponents:
@@ -145,12 +119,10 @@ def _with_constant(
 
 
 def trapezoid_step(a: float, tol: float) -> float:
-    """Return the step h in log(rate) at which the trapezoid rule has the relative error 0.9 tol.
-
-    The infinite rule for ``t**-a`` has the relative error ``2 Re sum_k Gamma(a + 2 pi i
-    k/h)/Gamma(a) t**(-2 pi i k/h)``, of which k = 1 dominates. The step also gives the least
-    possible number of modes, ``ceil(log(4 R) / h)`` (docs/theory.md).
-    """
+    """Return the step h in log(rate) at which the trapezoid rule has the relative error 0.9 tol."""
+    # The infinite rule for t**-a has the relative error 2 Re sum_k Gamma(a + 2 pi i k/h)/Gamma(a)
+    # t**(-2 pi i k/h), of which k = 1 dominates. The step also gives the least possible number of
+    # modes, ceil(log(4 R) / h) (docs/theory.md).
     goal = math.log(_TRAPEZOID_FRACTION * tol) - math.log(2.0) + gammaln(a)
 
     def excess(u: float) -> float:
@@ -175,15 +147,12 @@ def grid_spacing(exponents: Iterable[float], tol: float, fraction: float) -> flo
 
 
 class _Grid(NamedTuple):
-    """Rates of a sum: slow rates (n,), and exp(j h) with j = first, first + 1, ...
-
-    `weights` have the shape (n_kernels, n + n_grid), with those of the slow rates first.
-    """
+    """Rates of a sum: slow rates (n,), and exp(j h) with j = first, first + 1, ..."""
 
     slow: np.ndarray
     h: float
     first: int
-    weights: np.ndarray
+    weights: np.ndarray  # (n_kernels, n + n_grid), those of the slow rates first
 
     def kept(self, n: int) -> tuple[np.ndarray, np.ndarray]:
         """Return the n slowest rates, ascending, and their weights."""
@@ -226,12 +195,10 @@ def _one_kernel(
 
 
 def _slow_cut(a: float, h: float, tol: float) -> tuple[int, float]:
-    """Choose the size m of the slow Gauss rule and its cut kappa; it replaces rates up to kappa/R.
-
-    The relative error of the m-point rule for t <= R is at most
-    ``a h/(1-exp(-a h)) kappa**a/Gamma(a+1) 4 (kappa/4)**(2m)/(2m)!``. Each kappa saves log(kappa)/h
-    grid rates at the cost of m nodes.
-    """
+    """Choose the size m of the slow Gauss rule, which replaces rates up to kappa/R, and kappa."""
+    # The relative error of the m-point rule for t <= R is at most a h/(1-exp(-a h))
+    # kappa**a/Gamma(a+1) 4 (kappa/4)**(2m)/(2m)!. Each kappa saves log(kappa)/h grid rates at the
+    # cost of m nodes.
     of_mass = math.log(_SLOW_CUT_FRACTION * tol / 4) + math.log(-math.expm1(-a * h) / (a * h))
     of_mass += math.lgamma(a + 1)
     log_kappa = (of_mass + _OF_SLOW_RULES) / (a + 2 * _SLOW_RULES)
@@ -240,11 +207,9 @@ def _slow_cut(a: float, h: float, tol: float) -> tuple[int, float]:
 
 
 def _slow_tail(a: float, h: float, j_slow: int, m: int) -> tuple[np.ndarray, np.ndarray]:
-    """Return the m-point Gauss rule for the measure of all grid rates exp(j h), j <= j_slow.
-
-    Relative to the fastest one these are q**i, i = 0, 1, ..., with masses p**i, where q = exp(-h)
-    and p = exp(-a h). Their polynomials are the little q-Jacobi ones, whose recurrence is known.
-    """
+    """Return the m-point Gauss rule for the measure of all grid rates exp(j h), j <= j_slow."""
+    # Relative to the fastest one these are q**i, i = 0, 1, ..., with masses p**i, where q = exp(-h)
+    # and p = exp(-a h). Their polynomials are the little q-Jacobi ones, whose recurrence is known.
     n = np.arange(m)
 
     def rest(k: float | np.ndarray) -> float | np.ndarray:
@@ -264,11 +229,9 @@ def _slow_tail(a: float, h: float, j_slow: int, m: int) -> tuple[np.ndarray, np.
 def _trim(
     exponents: tuple[float, ...], ratio: float, goal: float, found: _Grid
 ) -> tuple[np.ndarray, np.ndarray, float]:
-    """Check every kernel, and drop the fastest rates while the error stays below `goal`.
-
-    Return rates, weights and the largest relative error. The logarithms of check times are
-    multiples of a fraction of the grid, so that products with rates have few different values.
-    """
+    """Drop the fastest rates while errors are below `goal`; return rates, weights and error."""
+    # logarithms of check times are multiples of the grid's: their products with rates have few
+    # values
     slow, h, first, weights = found
     n_slow, n = slow.size, weights.shape[1]
     finer = max(0, math.ceil(math.log2(_FEWEST_POINTS * h / (_DIVISIONS * math.log(ratio)))))
@@ -295,15 +258,8 @@ def _trim(
 
 @lru_cache(maxsize=16)
 def bank_of_all_orders(ratio: float, tol: float) -> tuple[np.ndarray, float, float]:
-    """Rates with which ``t**-a`` is a sum of exponentials on [1, ratio] for every a in (0, 1].
-
-    Returns
-    -------
-    rates : ndarray, shape (M,)
-        Rates of the grid, ascending, and then the slow ones.
-    h, x : float
-        Distance of log(rate) on the grid, and the value before the first one.
-    """
+    """Rates (M,) with which ``t**-a`` is a sum of exponentials on [1, ratio], a in (0, 1]; h, x."""
+    # rates of the grid, h apart in log(rate) after x, ascend before the slow ones
     a = np.append(1e-9, np.linspace(0.01, 1.0, 100))
     h = min(trapezoid_step(value, tol / 1.01) for value in (1e-3, 0.5, 1.0))
     fast = max(1.0, float(gammainccinv(1.0, _FAST_CUT_FRACTION * tol)))

@@ -97,10 +97,8 @@ class Samples:
     size: np.ndarray
 
     def columns(self, rates: np.ndarray) -> np.ndarray:
-        """Return exponentials of these rates over the sizes, shape (n, len(rates)).
-
-        A rate whose imaginary part is above 0 has a cosine, its conjugate has a sine.
-        """
+        """Return exponentials of these rates over the sizes, shape (n, len(rates))."""
+        # a rate whose imaginary part is above 0 has a cosine, its conjugate has a sine
         table = np.exp(-np.multiply.outer(self.t, rates.real)) / self.size[:, None]
         for turning, wave in ((rates.imag > 0, np.cos), (rates.imag < 0, np.sin)):
             if turning.any():
@@ -118,20 +116,15 @@ class Samples:
 
 
 def _with_mean(t: np.ndarray, size: np.ndarray, before: float) -> np.ndarray:
-    """Return sizes at times t, raised to a fraction of their mean from 0 to t.
-
-    `before` is the integral of the size from 0 to 1.
-    """
+    """Return sizes at t, raised to a fraction of their mean; `before` is their integral to 1."""
     pieces = 0.5 * (size[1:] + size[:-1]) * np.diff(t)
     mean = (abs(before) + np.append(0.0, np.cumsum(pieces))) / t
     return np.maximum(np.maximum(size, _OF_MEAN * mean), 1e-300)
 
 
 def _sampled(kernel: Any, t_min: float, t_max: float, tol: float, end: float = 0.0) -> Samples:
-    """Return the kernel on its check points, in units of t_min.
-
-    A signed kernel has the `end` of its first pencil, and further points between those of it.
-    """
+    """Return the kernel on its check points, in units of t_min."""
+    # a signed kernel has the `end` of its first pencil, and further points between those of it
     ratio = t_max / t_min
     if ratio > RATIO_OF_VALUES:
         refuse("t_max", f"be at most {RATIO_OF_VALUES:g} times t_min", t_max)
@@ -157,16 +150,8 @@ def _largest(error: np.ndarray) -> float:
 def closest_positive(
     kernel: Any, t_min: float, t_max: float, tol: float, fading: bool = False
 ) -> Fit:
-    """Fit a completely monotone kernel as closely as positive weights can.
-
-    Whether a function is accepted does not depend on t_min. A kernel that is `fading` is fitted
-    without rate 0.
-
-    Returns
-    -------
-    rates, weights : ndarray, shape (n_modes,)
-    t_min, t_max, error : float
-    """
+    """Fit a completely monotone kernel as closely as positive weights can."""
+    # without rate 0 if `fading`; whether a function is accepted does not depend on t_min
     if kernel.by_values:
         _refuse_if_rising(kernel, _CHECK_START_FRACTION * t_max, t_max)
         error = _positive(kernel, _CHECK_START_FRACTION * t_max, t_max, _ROUGH)[-1]
@@ -207,25 +192,8 @@ def _positive_sum(
     norm: Callable[[np.ndarray], float] = _largest,
     fading: bool = False,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Fit samples by positive weights; return rates and weights of the closest sum.
-
-    Parameters
-    ----------
-    samples : Samples
-        Errors are checked at all of them.
-    tol : float
-        The search ends when the norm of relative errors is below this.
-    every : int
-        Fit every n-th sample.
-    norm : callable
-        Norm of relative errors, shape (n,).
-    fading : bool
-        Whether rate 0 is left out.
-
-    Returns
-    -------
-    tuple of ndarray
-    """
+    """Fit every n-th sample by positive weights; return rates and weights of the closest sum."""
+    # until the norm of relative errors (n,) at all samples is below tol; without rate 0 if `fading`
     fitted, step = samples.every(every), trapezoid_step(0.5, tol)
     spacings = list(_SPACINGS)
     candidates = _rate_grid(samples.t[-1], spacings.pop(0) * step, tol, fading)
@@ -266,10 +234,7 @@ def _least_squares(samples: Samples, rates: np.ndarray) -> tuple[np.ndarray, np.
 
 
 def _rate_grid(ratio: float, step: float, tol: float, fading: bool = False) -> np.ndarray:
-    """Return rate 0, and rates from the slowest to the fastest useful one, even in the logarithm.
-
-    The fastest decays to exp(-3) tol at t = 1.
-    """
+    """Return rate 0, and rates even in the logarithm up to one of exp(-3) tol at t = 1."""
     first, last = (
         math.floor(math.log(_SLOWEST / ratio) / step),
         math.ceil(math.log(3.0 - math.log(tol)) / step),
@@ -289,12 +254,10 @@ def _unit_columns(samples: Samples, rates: np.ndarray) -> tuple[np.ndarray, np.n
 def _refinement(
     samples: Samples, rates: np.ndarray, weights: np.ndarray, share: float
 ) -> np.ndarray:
-    """Return new rates next to those in use, (n,), with steep gradients.
-
-    The gradient is at least the fraction `share` of the steepest. The middles between rates in use
-    and their neighbours resolve a continuous spectrum. A lone rate is the mean of the two rates
-    that surround it, up to the square of their distance.
-    """
+    """Return new rates next to those in use, (n,), with steep gradients."""
+    # The gradient is at least the fraction `share` of the steepest. The middles between rates in
+    # use and their neighbours resolve a continuous spectrum. A lone rate is the mean of the two
+    # rates that surround it, up to the square of their distance.
     used = weights > 0
     near = (used[1:] | used[:-1]) & (rates[:-1] > 0)
     middles = np.sqrt(rates[:-1] * rates[1:])[near]
@@ -315,10 +278,8 @@ def _merged(
     rates: np.ndarray,
     weights: np.ndarray,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return fewer rates: the closest pairs become their means while the error stays below tol.
-
-    The work is at most `work`, in rows times columns squared.
-    """
+    """Return fewer rates: the closest pairs become their means while the error stays below tol."""
+    # the work is at most `work`, in rows times columns squared
     while rates.size > 1 and work > 0:
         gaps = np.diff(np.log(np.maximum(rates, 1e-300)))
         around = np.concatenate([[np.inf], gaps, [np.inf]])
@@ -360,10 +321,7 @@ def closest_table(
     by_rms: bool,
     fading: bool = False,
 ) -> Fit:
-    """Fit measured values by positive weights until the rms, or the largest, error is `tol`.
-
-    Return what `closest_positive` returns.
-    """
+    """Fit measured values by positive weights until the rms, or the largest, error is `tol`."""
     samples = Samples(times / times[0], values, values)
     norm = root_mean_square if by_rms else _largest
     rates, weights = _positive_sum(samples, tol, norm=norm, fading=fading)
@@ -380,11 +338,8 @@ def root_mean_square(error: np.ndarray) -> float:
 def closest_signed(
     kernel: Any, t_min: float, t_max: float, tol: float, fading: bool = False
 ) -> Fit:
-    """Fit a kernel with weights of both signs, by least squares, as closely as can be.
-
-    Errors are relative to the largest ``|K|`` from each time on, and at least to a thousandth of
-    the mean of that. Returns what `closest_positive` does.
-    """
+    """Fit a kernel with weights of both signs, by least squares, as closely as can be."""
+    # errors are relative to the largest |K| from each time on, at least to a thousandth of its mean
     end = _end_of_pencil(kernel, t_min, t_max)
     samples = _sampled(kernel, t_min, t_max, tol, end)
     best, closest = math.inf, (np.zeros(0), np.zeros(0))
@@ -408,13 +363,11 @@ def _end_of_pencil(kernel: Any, t_min: float, t_max: float) -> float:
 def _rates_of_signed(
     kernel: Any, ratio: float, end: float, t_min: float, tol: float, fading: bool
 ) -> Iterator[np.ndarray]:
-    """Yield sets of rates: real ones of pencils and grids, then complex ones, and both.
-
-    The pencil is that of the Hankel matrix of equidistant samples, without its last and without its
-    first column. It is reduced to singular values above a cut [HuaSarkar1990]. Samples from a part
-    of the time resolve fast oscillations. The last sets have grids turned by 45 degrees, for
-    kernels whose transforms have an essential singularity on the negative axis.
-    """
+    """Yield sets of rates: real ones of pencils and grids, then complex ones, and both."""
+    # The pencil is that of the Hankel matrix of equidistant samples, without its last and without
+    # its first column. It is reduced to singular values above a cut [HuaSarkar1990]. Samples from a
+    # part of the time resolve fast oscillations. The last sets have grids turned by 45 degrees, for
+    # kernels whose transforms have an essential singularity on the negative axis.
     pencils = []
     for last in (end, 1.0 + (ratio - 1.0) / _PENCIL_LENGTH_RATIO):
         times, h = np.linspace(1.0, last, _PENCIL_SAMPLES, retstep=True)
@@ -451,11 +404,9 @@ def _rates_of_signed(
 def _signed_sums(
     samples: Samples, rates: np.ndarray, best: float
 ) -> Iterator[tuple[float, np.ndarray, np.ndarray]]:
-    """Yield errors, rates (n,), and weights (n,) of their columns, with more and more columns.
-
-    A QR decomposition with pivoting on few samples orders the columns. Their weights are those of
-    least squares on more samples. Nothing comes if the few samples already err by `best`.
-    """
+    """Yield errors, rates (n,), and weights (n,) of their columns, with more and more columns."""
+    # A QR decomposition with pivoting on few samples orders the columns. Their weights are those of
+    # least squares on more samples. Nothing comes if the few samples already err by `best`.
     from scipy.linalg import qr, solve_triangular  # takes long to import
 
     fitted = samples.every(_FITTED)

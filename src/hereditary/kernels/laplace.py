@@ -54,22 +54,8 @@ _MAX_TIMES_AT_ONCE = 20_000
 
 
 def inverted(transform: Callable, t: ArrayLike, scale: float = _SCALE) -> np.ndarray:
-    """Invert a Laplace transform that is analytic off the negative real axis.
-
-    Parameters
-    ----------
-    transform : callable
-        Function of complex s, shape (n,).
-    t : array_like
-        Times t > 0 [time].
-    scale : float
-        Size of the hyperbola, from 6 to 12.4.
-
-    Returns
-    -------
-    ndarray
-        Values at `t`, with errors of about 1e-14 of the mean from 0 to t.
-    """
+    """Invert a Laplace transform of complex s (n,) that is analytic off the negative real axis."""
+    # t > 0; scale: size of the hyperbola, 6 to 12.4; errors are 1e-14 of the mean from 0 to t
     t = np.asarray(t, dtype=float)
     shape, times = np.exp(scale * ZETA) * WEIGHTS, t.reshape(-1, 1)
     parts = np.array_split(times, 1 + times.size // _MAX_TIMES_AT_ONCE)
@@ -80,10 +66,8 @@ def inverted(transform: Callable, t: ArrayLike, scale: float = _SCALE) -> np.nda
 def by_polynomials(
     function: Callable, t: np.ndarray, polynomials: dict[int, np.ndarray]
 ) -> np.ndarray:
-    """Return values (n,) of a completely monotone function by polynomials between powers of two.
-
-    `polynomials` holds those that are known, and gets the new ones.
-    """
+    """Return a completely monotone function at t (n,) by polynomials between powers of two."""
+    # `polynomials` holds those that are known, and gets the new ones
     fractions, exponents = np.frexp(t)  # in [1/2, 1)
     used, places = np.unique(exponents, return_inverse=True)
     new = [e for e in used.tolist() if e not in polynomials]

@@ -121,18 +121,11 @@ class MemoryKernel(ABC):
 
 @dataclass(frozen=True, repr=False)
 class ScaledKernel(MemoryKernel):
-    """A memory kernel times a number; made by ``2 * kernel`` or ``kernel / 3``.
+    """A memory kernel times a number; made by ``2 * kernel`` or ``kernel / 3``."""
 
-    Terms multiply their coefficient by the number, so that only the shape distinguishes kernels.
+    # terms multiply their coefficient by the number, so that only the shape distinguishes kernels
 
-    Attributes
-    ----------
-    factor : float
-        Not 0; where it is negative, so are the weights of its fit [-].
-    kernel : MemoryKernel
-    """
-
-    factor: float
+    factor: float  # not 0; where it is negative, so are the weights of its fit [-]
     kernel: MemoryKernel
 
     def __post_init__(self) -> None:
@@ -334,16 +327,10 @@ def fit_exponentials(
 
 
 class KernelErrors(NamedTuple):
-    """Largest errors of the sums that replace general kernels.
+    """Largest errors of the sums that replace general kernels [-]."""
 
-    Attributes
-    ----------
-    exact, measured : float
-        Largest error of kernels with exact values, and of measured kernels [-].
-    """
-
-    exact: float = 0.0
-    measured: float = 0.0
+    exact: float = 0.0  # of kernels with exact values
+    measured: float = 0.0  # of measured kernels
 
     @classmethod
     def of(cls, kernels: Iterable, fits: Iterable) -> KernelErrors:
@@ -364,10 +351,8 @@ class KernelErrors(NamedTuple):
         return self.measured if self.measured <= _MAX_TABLE_NOISE else 0.0
 
     def misfit(self, tol: float) -> str:
-        """Say by how much kernels miss the tolerance of a run; empty if they keep it.
-
-        Errors of measured kernels count only if they exceed noise.
-        """
+        """Say by how much kernels miss the tolerance of a run; empty if they keep it."""
+        # errors of measured kernels count only if they exceed noise
         if self == NO_ERRORS:
             return ""
         error = self.exact if self.noise else max(self)

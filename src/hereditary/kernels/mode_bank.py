@@ -18,19 +18,10 @@ _MIN_LOG_FACTOR = -600.0
 
 
 class Bank(NamedTuple):
-    """Sums of exponentials over one set of rates.
+    """Sums of exponentials over one set of rates, the real parts of ``weights @ exp(-rates t)``."""
 
-    Attributes
-    ----------
-    rates : ndarray, shape (n,)
-        Real rates, then of each pair the one with positive imaginary part; real without pairs.
-    weights : ndarray, shape (k, n)
-        A row for each sum, which is the real part of ``weights @ exp(-rates t)``. So the weight
-        of a pair is doubled.
-    """
-
-    rates: np.ndarray
-    weights: np.ndarray
+    rates: np.ndarray  # (n,): real ones, then of each pair the one with imaginary part > 0
+    weights: np.ndarray  # (k, n): a row for each sum, with the weight of a pair doubled
 
     @classmethod
     def of(cls, sums: Iterable[Any]) -> Bank:

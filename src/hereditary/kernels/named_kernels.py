@@ -533,13 +533,11 @@ class MittagLeffler(MemoryKernel):
     def _over_spectrum(
         self, x: np.ndarray, weight: Callable[[np.ndarray], np.ndarray], far: float
     ) -> np.ndarray:
-        """Return ``int weight(x exp(v)) F dv`` for x >= 0 of any shape.
-
-        F is the share of the spectrum below the log rate v, in units of `rate`, and
-        ``exp(order v) = sin(pi order F) / sin(pi order (1 - F))``. In log F/(1 - F) all of it is
-        smooth for every order, so that the trapezoid rule converges exponentially. `far` is the log
-        of x exp(v), at least 1, and of exp(v), beyond which nothing is left.
-        """
+        """Return ``int weight(x exp(v)) F dv`` for x >= 0 of any shape."""
+        # F is the share of the spectrum below the log rate v, in units of `rate`, and exp(order v)
+        # = sin(pi order F) / sin(pi order (1 - F)). In log F/(1 - F) all of it is smooth for every
+        # order, so that the trapezoid rule converges exponentially. `far` is the log of x exp(v),
+        # at least 1, and of exp(v), beyond which nothing is left.
         a = self.order
         sine = math.sin(math.pi * min(a, 1 - a))
         logs = np.log(np.maximum(x.ravel(), math.exp(-min(40 / a, _GONE))))  # the mean is 1 below
@@ -561,11 +559,8 @@ class MittagLeffler(MemoryKernel):
 
 
 def mean_of_decay(p: float, x: ArrayLike) -> np.ndarray:
-    """Return ``p int_0^1 u**(p-1) exp(-x u) du``, 1 at x = 0, with full precision everywhere.
-
-    For x < p + 1 it is the series ``exp(-x) sum_k x**k / ((p+1)...(p+k))``, whose terms have one
-    sign.
-    """
+    """Return ``p int_0^1 u**(p-1) exp(-x u) du``, 1 at x = 0, with full precision everywhere."""
+    # for x < p + 1 the series exp(-x) sum_k x**k / ((p+1)...(p+k)), whose terms have one sign
     x = np.asarray(x, dtype=float)
     small = x < p + 1
     near, far = np.where(small, x, 0.0), np.where(small, 1.0, x)

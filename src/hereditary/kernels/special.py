@@ -15,20 +15,7 @@ from scipy.special import bernoulli, binom, factorial, zeta
 
 
 def power_differences(p: float | np.ndarray, n: int) -> np.ndarray:
-    """Return the differences of powers ``b_k = (k+1)**p - k**p`` for k = 0..n-1.
-
-    Parameters
-    ----------
-    p : float
-        Exponent, 0 <= p < 1 [-]; 0 gives 1, 0, 0, ... (no memory).
-    n : int
-        Number of differences, n >= 1.
-
-    Returns
-    -------
-    ndarray, shape (n,)
-        Positive and decreasing for 0 < p < 1; relative error a few units of rounding for every k.
-    """
+    """Return ``b_k = (k+1)**p - k**p`` for k < n and 0 <= p < 1, to a few units of rounding."""
     b = np.ones((*np.shape(p)[:-1], n))
     if n > 1:
         k = np.arange(1.0, n)
@@ -37,20 +24,8 @@ def power_differences(p: float | np.ndarray, n: int) -> np.ndarray:
 
 
 def hurwitz_zeta(s: float, q: float) -> float:
-    """Return Hurwitz's ``zeta(s, q) = sum_(k >= 0) (k + q)**-s``, continued to s below 1.
-
-    Parameters
-    ----------
-    s : float
-        Below 1 [-]; SciPy has those above.
-    q : float
-        Above 0 [-].
-
-    Returns
-    -------
-    float
-        By the Euler-Maclaurin formula after 12 summands; relative error about 1e-13.
-    """
+    """Return Hurwitz's ``sum_(k >= 0) (k + q)**-s``, q > 0, continued to s below 1."""
+    # by the Euler-Maclaurin formula after 12 summands, to about 1e-13; SciPy has s above 1
     n = 12
     end, total = n + q, np.sum((np.arange(n) + q) ** -s)
     total += end ** (1 - s) / (s - 1) + 0.5 * end**-s
@@ -62,24 +37,10 @@ def hurwitz_zeta(s: float, q: float) -> float:
 
 
 def power_second_differences(p: float | np.ndarray, n: int) -> np.ndarray:
-    """Return 1 and then ``b_k - b_(k-1)`` for k = 1..n-1, with b_k of `power_differences`.
-
-    The difference of three powers loses all digits near k = 1e8. Beyond k = 16 this function uses
-    ``k**p * 2 * sum_m binom(p, 2m) k**-2m`` instead. Its eight terms reach 17**-16 = 2e-20, as four
-    do beyond k = 128.
-
-    Parameters
-    ----------
-    p : float or ndarray, shape (k, 1)
-        Exponents, 0 <= p < 1 [-].
-    n : int
-        Number of differences, n >= 1.
-
-    Returns
-    -------
-    ndarray, shape (n,) or (k, n)
-        1, then negative and increasing to 0; relative error below 1e-14 for every k.
-    """
+    """Return 1 and then ``b_k - b_(k-1)`` for k = 1..n-1, with b_k of `power_differences`."""
+    # p (k, 1) gives (k, n). The difference of three powers loses all digits near k = 1e8. Beyond k
+    # = 16 it is k**p * 2 * sum_m binom(p, 2m) k**-2m instead, to 1e-14. Its eight terms reach
+    # 17**-16 = 2e-20, as four do beyond k = 128.
     c = np.ones((*np.shape(p)[:-1], n))
     few = min(n, 17)
     c[..., 1:few] = np.diff(power_differences(p, few))
@@ -99,10 +60,8 @@ def alternating_power_sum(p: float) -> float:
 
 
 def alternating_sum(terms: np.ndarray) -> float:
-    """Sum ``(-1)**k terms[k]`` over infinitely many completely monotone terms, given the first n.
-
-    Algorithm 1 of [CohenVillegasZagier2000]; the error is 5.8**-n of the sum.
-    """
+    """Sum ``(-1)**k terms[k]`` over infinitely many completely monotone terms, by the first n."""
+    # algorithm 1 of [CohenVillegasZagier2000]; the error is 5.8**-n of the sum
     n = len(terms)
     d = (3 + np.sqrt(8.0)) ** n
     d = (d + 1 / d) / 2
@@ -122,10 +81,8 @@ def mean_exponential(z: ArrayLike) -> np.ndarray:
 
 
 def first_moment_exponential(z: ArrayLike) -> np.ndarray:
-    """Return ``int_0^1 u exp(-z u) du`` = (1 - (1 + z) exp(-z)) / z**2 for z >= 0.
-
-    Below z = 0.5 by its series ``sum_j (-z)**j / (j! (j + 2))``, whose fifteen terms leave 1e-16.
-    """
+    """Return ``int_0^1 u exp(-z u) du`` = (1 - (1 + z) exp(-z)) / z**2 for z >= 0."""
+    # below z = 0.5 by its series sum_j (-z)**j / (j! (j + 2)), whose fifteen terms leave 1e-16
     z = np.asarray(z, dtype=float)
     series = np.zeros_like(z)
     for j in range(14, -1, -1):
@@ -144,10 +101,8 @@ def gauss_unit(n: int) -> tuple[np.ndarray, np.ndarray]:
 
 @lru_cache(maxsize=8)
 def graded_unit(n: int) -> tuple[np.ndarray, np.ndarray]:
-    """Return nodes and weights on [0, 1]: Gauss rules on 51 panels that halve towards 0.
-
-    The widest panel has n nodes. Each next panel has half as many, and at least 16.
-    """
+    """Return nodes and weights on [0, 1]: Gauss rules on 51 panels that halve towards 0."""
+    # the widest panel has n nodes, each next panel has half as many, and at least 16
     ends = np.append(0.0, 0.5 ** np.arange(50, -1, -1))
     panels = [
         (low + (high - low) * u, (high - low) * weights)

@@ -27,12 +27,7 @@ _ALTERNATING = 24
 
 @dataclass(frozen=True)
 class PowerSteps:
-    """The kernel ``p t**(p-1)``, 0 <= p < 1, t in steps; a point mass at 0, no memory, for p = 0.
-
-    Attributes
-    ----------
-    p : float
-    """
+    """The kernel ``p t**(p-1)``, 0 <= p < 1, t in steps; a point mass at 0 for p = 0."""
 
     p: float
 
@@ -59,12 +54,9 @@ class PowerSteps:
         return weights
 
     def moments(self, theta: float, n: int) -> np.ndarray:
-        """Return integrals of ``(middle - t) K`` over [k-1+theta, k+theta] for k < n; 0 for k = 0.
-
-        They are computed by Gauss's rule, because the closed form cancels for large k. The
-        singularity is at least 0.5 before the interval, where sixteen points leave an error of
-        3.7**-32.
-        """
+        """Return integrals of ``(middle - t) K`` over [k-1+theta, k+theta], k < n; 0 for k = 0."""
+        # by Gauss's rule, because the closed form cancels for large k; the singularity is at least
+        # 0.5 before the interval, where sixteen points leave an error of 3.7**-32
         moments = np.zeros(n)
         v, weights = gauss_unit(16)
         middle = np.arange(n - 1)[:, None] + theta + 0.5
@@ -84,12 +76,7 @@ class PowerSteps:
 
 @dataclass(frozen=True, eq=False)
 class ExponentialSteps:
-    """The kernels ``weights exp(-rates t)``, t in steps from 1 on: one in each row of a result.
-
-    Attributes
-    ----------
-    rates, weights : ndarray, shape (M,)
-    """
+    """The kernels ``weights exp(-rates t)``, (M,), t in steps from 1 on: one a row of a result."""
 
     rates: np.ndarray
     weights: np.ndarray
@@ -118,12 +105,7 @@ class ExponentialSteps:
 
 @dataclass(frozen=True)
 class Integrated:
-    """The kernel ``int_0^t K``: its convolution with y' is that of K with y - y(0).
-
-    Attributes
-    ----------
-    kernel : MemoryKernel
-    """
+    """The kernel ``int_0^t K``: its convolution with y' is that of K with y - y(0)."""
 
     kernel: MemoryKernel
 
@@ -155,14 +137,7 @@ class Integrated:
 
 @dataclass(frozen=True)
 class StepKernel:
-    """The kernel ``K(h t)``, t in steps, with the methods of `PowerSteps`.
-
-    Attributes
-    ----------
-    kernel : MemoryKernel
-    h : float
-        Step [time].
-    """
+    """The kernel ``K(h t)``, t in steps of h [time], with the methods of `PowerSteps`."""
 
     kernel: MemoryKernel | Integrated
     h: float
@@ -187,11 +162,9 @@ class StepKernel:
         return np.diff(self.shares(n), prepend=0.0)
 
     def seen(self, theta: float, n: int) -> np.ndarray:
-        """Return integrals over [k-1+theta, k+theta] for k < n; over [0, theta] for k = 0.
-
-        They are computed by Gauss's rule. From k = 2 on the singularity of the kernel is at least
-        one interval away, where sixteen points leave an error of 5.8**-32.
-        """
+        """Return integrals over [k-1+theta, k+theta] for k < n; over [0, theta] for k = 0."""
+        # by Gauss's rule: from k = 2 on the singularity of the kernel is at least one interval
+        # away, where sixteen points leave an error of 5.8**-32
         weights = np.empty(n)
         weights[0] = self.kernel.integral(theta * self.h) / self.h
         if n > 1:
