@@ -53,14 +53,11 @@ _MIN_POINTS_OF_FIT_CURVE = 1000
 
 
 class Series(NamedTuple):
-    """Data at increasing times, and their standard deviations.
+    """Data at increasing times, and their standard deviations."""
 
-    t (n,), data (n, k) with NaN for missing or masked values, and sigma (n, k) or None.
-    """
-
-    t: np.ndarray
-    data: np.ndarray
-    sigma: np.ndarray | None
+    t: np.ndarray  # (n,)
+    data: np.ndarray  # (n, k), NaN for missing or masked values
+    sigma: np.ndarray | None  # (n, k)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -312,18 +309,7 @@ class _RunOptions:
 
 
 class _Runs:
-    """Runs of a model for sets of parameters, and their residuals.
-
-    Attributes
-    ----------
-    unit : float
-        Size of the data if their deviations are not given. Residuals are divided by it, because
-        the optimiser stops at absolute values.
-    count : int
-        Number of sets of runs so far.
-    bar : ProgressBar
-        Shows the count and the cost.
-    """
+    """Runs of a model for sets of parameters, and their residuals, in units of the data."""
 
     def __init__(
         self,
@@ -333,6 +319,8 @@ class _Runs:
         options: _RunOptions,
         bar: ProgressBar,
     ) -> None:
+        # unit: size of data without deviations, because the optimiser stops at absolute values;
+        # count: number of sets of runs, which `bar` shows with the cost
         self.bar, self._model, self._options = bar, model, options
         self._series, self._observe, self.count = series, observe, 0
         largest = [float(np.nanmax(np.abs(one.data))) for one in series]
@@ -370,10 +358,7 @@ class _Runs:
             return [solve(equation, float(t[-1]), t_eval=t, **options) for equation, t in pairs]
 
     def lacking(self, rows: list[np.ndarray]) -> list[np.ndarray]:
-        """Return model minus data (n, k): NaN for missing data, inf after the end of a run.
-
-        rows (m, d) of each series are the solution until the run ended.
-        """
+        """Return model minus data (n, k), by rows (m, d): NaN without data, inf after the end."""
         found = []
         for one, y in zip(self._series, rows, strict=True):
             seen = self._seen(y, one.data.shape[1])
@@ -408,11 +393,8 @@ class _Runs:
     def _linearised(
         self, own: list[Equation], others: list[list[Equation]], rows: list[np.ndarray]
     ) -> dict[int, list[np.ndarray]]:
-        """Return the rows of those equations, among `others`, that one run with tangents gives.
-
-        This needs a tolerance. Two or more sets of equations must differ from `own` in parameters
-        and initial values alone.
-        """
+        """Return the rows of those equations, among `others`, that one run with tangents gives."""
+        # it needs a tolerance, and two or more sets that differ from `own` in params and y0 alone
         every = {k: _changes(own, each) for k, each in enumerate(others)}
         near = {k: changes for k, changes in every.items() if changes}
         complete = all(len(y) == one.t.size for y, one in zip(rows, self._series, strict=True))
@@ -439,11 +421,8 @@ class _Runs:
         }
 
     def _weighed(self, rows: list[np.ndarray]) -> np.ndarray:
-        """Return the residuals of rows over their deviations, (n,).
-
-        Rows after the end of a run count as far from the data, so that other parameters are
-        preferred.
-        """
+        """Return the residuals of rows over their deviations, (n,)."""
+        # rows after the end of a run count as far from the data: other parameters are preferred
         found = self.lacking(rows)
         for k, (one, far) in enumerate(zip(self._series, self._far, strict=True)):
             known = np.isfinite(found[k])
@@ -455,11 +434,8 @@ class _Runs:
     def curves(
         self, equations: list[Equation], solutions: list[Solution]
     ) -> list[tuple[np.ndarray, np.ndarray]]:
-        """Return times (m,) and values (m, k) of the model for each series, also between the data.
-
-        If `observe` needs the times of the data, as differences of rows do, only these times are
-        returned.
-        """
+        """Return times (m,) and values (m, k) of the model for each series, also between data."""
+        # only times of the data if `observe` needs these, as differences of rows do
         found, often = [], self.solutions(equations, [_between(one.t) for one in self._series])
         for one, sol, fine in zip(self._series, solutions, often, strict=True):
             k, slack = one.data.shape[1], 1e-6 * np.nanmax(np.abs(one.data))
@@ -498,11 +474,7 @@ def _moved(x: np.ndarray, low: np.ndarray, high: np.ndarray) -> np.ndarray:
 
 
 def _changes(own: list[Equation], others: list[Equation]) -> list[dict[str, np.ndarray]]:
-    """Return how equations differ in parameters and initial values, "params" and "y0" of each.
-
-    A part without a difference is left out. The list is empty if the equations differ in anything
-    else.
-    """
+    """Return how equations differ in "params" and "y0"; no list if they differ in anything else."""
     found = []
     for one, other in zip(own, others, strict=True):
         before, after = one.system, other.system

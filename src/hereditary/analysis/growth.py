@@ -41,26 +41,11 @@ class Growth:
 def assess(
     times: np.ndarray, log_growth: np.ndarray, window: float, n_blocks: int, memory: str
 ) -> Growth:
-    """Return slopes and verdicts over the last fraction `window` of the record.
-
-    Parameters
-    ----------
-    times : ndarray, shape (n,)
-        Ascending, without the start of the record.
-    log_growth : ndarray, shape (n, k)
-    window : float
-        In (0, 1].
-    n_blocks : int
-        Blocks that the standard error is taken from.
-    memory : {"all", "none", "some"}
-        Whether all, no or some components have a term of fractional order. If all have one, no
-        solution decays exponentially for ever. So a decay in the window is algebraic: its tail is
-        reached, or still to come.
-
-    Returns
-    -------
-    Growth
-    """
+    """Return slopes and verdicts over the last fraction `window` of the record."""
+    # times (n,), without the start of the record; log_growth (n, k); n_blocks: for the standard
+    # error. memory: whether "all", "none" or "some" components have a term of fractional order. If
+    # all have one, no solution decays exponentially for ever. So a decay in the window is
+    # algebraic: its tail is reached, or still to come.
     k = log_growth.shape[1]
     unknown = np.full(k, np.nan)
     if times.size < 4:
@@ -76,10 +61,8 @@ def assess(
 
 
 def _block_slope(edges: np.ndarray, values: np.ndarray) -> tuple[float, float]:
-    """Return the mean slope and its standard error, the largest over three lengths of blocks.
-
-    Neighbouring blocks are not independent, which longer blocks reveal.
-    """
+    """Return the mean slope and its standard error, the largest over three lengths of blocks."""
+    # neighbouring blocks are not independent, which longer blocks reveal
     errors = []
     for every in (1, 2, 4):
         slopes = np.diff(values[::every]) / np.diff(edges[::every])
@@ -90,10 +73,8 @@ def _block_slope(edges: np.ndarray, values: np.ndarray) -> tuple[float, float]:
 
 
 def _power(times: np.ndarray, values: np.ndarray) -> np.ndarray:
-    """Return least-squares slopes (k,) of `values` (n, k) against the logarithm of time.
-
-    They are NaN for one time, as in an interrupted run, whose renormalisations are far apart.
-    """
+    """Return least-squares slopes (k,) of `values` (n, k) against the logarithm of time."""
+    # NaN for one time, as in an interrupted run, whose renormalisations are far apart
     if times.size < 2:
         return np.full(values.shape[1], np.nan)
     x = np.log(times)

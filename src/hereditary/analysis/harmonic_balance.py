@@ -52,15 +52,13 @@ def _over_a_period(
 
 
 class Balance:
-    """Equations of the harmonics: their residual, and its derivative.
-
-    Unknowns x (d, 2 H + 1), flat, are the mean and then cosine and sine of each harmonic. They are
-    in units of the components, as residuals are. Components of memory that the right-hand side
-    reads follow those of y, and are linear in y. `along` is the parameter whose values the curve
-    follows: `frequency`, or another one.
-    """
+    """Equations of the harmonics: their residual, and its derivative."""
 
     def __init__(self, equation: Equation, frequency: int, along: int, harmonics: int) -> None:
+        # Unknowns x (d, 2 H + 1), flat, are the mean and then cosine and sine of each harmonic.
+        # They are in units of the components, as residuals are. Components of memory that the
+        # right-hand side reads follow those of y, and are linear in y. `along` is the parameter
+        # whose values the curve follows: `frequency`, or another one.
         self._system = equation.system.dense()
         self._units = self._system.units()
         self._frequency, self._along = frequency, along
@@ -94,11 +92,9 @@ class Balance:
                     refuse("rhs", required, f"values {shown(found.ravel())}")
 
     def hold_means(self, value: float) -> bool:
-        """Fix the means of y that no equation depends on; return whether there are any.
-
-        The product of each such mean with a left null vector is added to the derivatives of the
-        equations of the means. Then Newton's matrix is regular, and these means stay 0.
-        """
+        """Fix the means of y that no equation depends on; return whether there are any."""
+        # The product of each such mean with a left null vector is added to the derivatives of the
+        # equations of the means. Then Newton's matrix is regular, and these means stay 0.
         m, places = 2 * self._h + 1, np.outer([0.0, 1.0], np.ones(self.size))
         matrices = [self.residual(x, value)[1] for x in places]
         if not np.isfinite(matrices).all():

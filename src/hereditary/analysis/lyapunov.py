@@ -305,11 +305,8 @@ def lyapunov(
 def _another(
     equation: Equation, scheme: Scheme, result: LyapunovResult, finer: bool, broken: bool
 ) -> tuple[_Stepping, str]:
-    """Return the `_Stepping` of the run with which verdicts are compared.
-
-    Return also a clause on how this run differs. Given steps of a run with breaks (`broken`) are
-    halved, because the breaks are times of steps.
-    """
+    """Return the `_Stepping` of the run with which verdicts are compared, and how it differs."""
+    # given steps of a run with breaks (`broken`) are halved, because the breaks are times of steps
     n, found = result.stats["n_steps"], result.settings
     if chooses_steps(scheme):
         finer = finer or found["rtol"] > _LOOSEST
@@ -328,10 +325,8 @@ def _another(
 def _compared(
     result: LyapunovResult, check: LyapunovResult | None, how: str, reason: str
 ) -> LyapunovResult:
-    """Return the result with its second run, or with the `reason` why there is none.
-
-    Verdicts that differ become "undetermined".
-    """
+    """Return the result with its second run, or with the `reason` why there is none."""
+    # verdicts that differ become "undetermined"
     verdicts = (Verdict.UNDETERMINED,) * len(result.verdicts)
     if check and check.status not in _AT_END:
         reason = f"it ended otherwise: {check.message}"
@@ -464,10 +459,8 @@ def _found(
 
 
 def _without_jumps(result: LyapunovResult, system: System, states: list[_Moment]) -> LyapunovResult:
-    """Return the result; without verdicts, and with a warning, if f jumps along the orbit.
-
-    Jumps of an f that reads memory are not detected.
-    """
+    """Return the result; without verdicts, and with a warning, if f jumps along the orbit."""
+    # jumps of an f that reads memory are not detected
     if system.is_memory.any() or system.delays or not _jumps(system, states):
         return result
     clause = f"{_TANGENTS_MISS_JUMPS}: smooth it, for example sign(x) as tanh(x / eps), and let "
@@ -479,11 +472,8 @@ def _without_jumps(result: LyapunovResult, system: System, states: list[_Moment]
 
 
 def _jumps(system: System, states: list[_Moment]) -> bool:
-    """Return whether f jumps on a line between two consecutive states (t, y) of the orbit.
-
-    The half of the line on which f changes more is halved again. The change of a continuous f then
-    vanishes.
-    """
+    """Return whether f jumps on a line between two consecutive states (t, y) of the orbit."""
+    # the half of the line on which f changes more is halved again: that of a continuous f vanishes
     chosen = np.unique(np.linspace(0, len(states) - 1, _STATES).astype(int))
     with suppress(Exception), np.errstate(all="ignore"):  # f may have no value between states
         found = [(t, y, system.rhs(t, y)) for t, y in (states[i] for i in chosen)]
@@ -523,12 +513,9 @@ def _grow(
     states: list[_Moment],
     progress: bool,
 ) -> tuple[Ending | None, np.ndarray]:
-    """March to the end, or until the run stops, and renormalise the tangents meanwhile.
-
-    Some states (t, y) of the orbit are appended to `states`. Return the `Ending` of a march that
-    ended early, otherwise None. Return also the mark of each renormalisation, and the logarithms of
-    the growth since the one before, (n, 1 + k).
-    """
+    """March to the end, renormalise tangents meanwhile, and append some (t, y) to `states`."""
+    # returns the `Ending` of a march that ended early, or None; the mark of each renormalisation,
+    # and the logarithms of the growth since the one before, (n, 1 + k)
     grown, above_one = [np.empty((0, 1 + stepper.tangent.shape[1]))], stepper.system.above_one
     end = int(schedule["end"]) * float(schedule["unit"])
     states.append((stepper.t, stepper.y))
@@ -574,19 +561,11 @@ def _marks(t: float, h: float) -> int:
 
 
 class Divergence:
-    """Integral of the divergence of the first-order system behind an equation of integer orders.
-
-    A component ``c_1 x' = f`` adds ``d f_j / d x_j / c_1``, one of ``c_2 x'' + c_1 x' = f`` adds
-    ``-c_1 / c_2``, because f does not depend on velocities.
-
-    Parameters
-    ----------
-    system : System
-    h : float
-        Distance of marks [time].
-    """
+    """Integral of the divergence of the first-order system behind an equation of integer orders."""
 
     def __init__(self, system: System, h: float) -> None:
+        # A component c_1 x' = f adds d f_j / d x_j / c_1, one of c_2 x'' + c_1 x' = f adds -c_1 /
+        # c_2, because f does not depend on velocities. h is the distance of marks [time].
         self._system, self._h, above_one = system.dense(), h, system.above_one
         first, leading = system.coefficient(1.0), system.coefficient(2.0)
         self._shares = np.where(above_one, 0.0, 1 / np.where(above_one, 1.0, first))
@@ -621,16 +600,13 @@ class Divergence:
 
 
 class _Traces(NamedTuple):
-    """Weighted traces of the Jacobian at times h apart.
-
-    - shares (d,): weights of the diagonal; units (d,): for differences; jacobian (d, d): workspace.
-    """
+    """Weighted traces of the Jacobian at times h apart."""
 
     right: RightSide
     h: float
-    shares: Vector
-    units: Vector
-    jacobian: Matrix
+    shares: Vector  # (d,), weights of the diagonal
+    units: Vector  # (d,), for differences
+    jacobian: Matrix  # (d, d), workspace
 
 
 @entry(Reference(compiled_type(_Traces)), F8, MAT, VEC)
@@ -654,10 +630,8 @@ def _separation(value: Any, equation: Equation) -> float:
 
 
 def _norm(system: System, t_end: float) -> np.ndarray | float:
-    """Return the sizes over which tangents are orthonormal, (n_data, 1); 1 if they are near.
-
-    They are those at the start of y, then of y' for orders above 1.
-    """
+    """Return the sizes over which tangents are orthonormal, (n_data, 1); 1 if they are near."""
+    # at the start: those of y, then those of y' for orders above 1
     n, above_one = system.n_solved, system.above_one
     sizes = system.units(t_end)[:n]
     speeds = sizes / t_end
@@ -685,11 +659,9 @@ def _directions(given: Any, seed: int, k: int, rows: int, norm: np.ndarray | flo
 
 
 def marched(system: System, scheme: Scheme) -> System:
-    """Return the system to march; a classical one of second order becomes first-order.
-
-    Above order 1 most schemes store increments without t x'(0). In their rounding a tangent that
-    has decayed is lost. With memory no tangent decays so far.
-    """
+    """Return the system to march; a classical one of second order becomes first-order."""
+    # Above order 1 most schemes store increments without t x'(0). In their rounding a tangent that
+    # has decayed is lost. With memory no tangent decays so far.
     if scheme.whole or system.m == 1 or memory(system) != "none" or system.delays:
         return system
     return reduced(system.dense())[0]
@@ -709,13 +681,10 @@ def n_data(system: System) -> int:
 
 
 def _checking_scheme(scheme: Scheme, equation: Equation) -> Scheme:
-    """Return the scheme of the second run, with which a verdict is compared.
-
-    A first-order scheme with twice the step often repeats a wrong verdict. Its verdict is therefore
-    compared with that of the default scheme of second order. If no such scheme covers the equation,
-    the other scheme of first order is used. The explicit scheme adds to a rate what the implicit
-    scheme subtracts.
-    """
+    """Return the scheme of the second run, with which a verdict is compared."""
+    # A first-order scheme with twice the step often repeats a wrong verdict, so the default scheme
+    # of second order is taken. If none covers the equation, it is the other scheme of first order:
+    # the explicit scheme adds to a rate what the implicit one subtracts.
     if scheme.order(_NEAR_1) > _FIRST_ORDER:
         return scheme
     opposite = L1() if scheme.solve == "explicit" else ExplicitCaputo()

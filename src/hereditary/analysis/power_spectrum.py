@@ -149,11 +149,8 @@ def _long(values: np.ndarray) -> np.ndarray:
 
 
 def _peaks(omega: np.ndarray, amplitudes: np.ndarray, most: int) -> np.ndarray:
-    """Return the highest peaks as records of omega and amplitude.
-
-    The frequency of a line between two bins follows from the ratio of the heights there, exactly
-    for Hann's window.
-    """
+    """Return the highest peaks as records of omega and amplitude."""
+    # a frequency between two bins follows from the ratio of heights, exactly for Hann's window
     from scipy.signal import find_peaks
 
     logs = np.log(np.maximum(amplitudes, 1e-300))

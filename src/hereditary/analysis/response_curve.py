@@ -42,25 +42,20 @@ _AWAY = 0.1
 
 
 class Peak(NamedTuple):
-    """Largest amplitude of a component's first harmonic on a piece of the curve.
-
-    omega is the frequency [1/time], value that of the parameter along the curve.
-    """
+    """Largest amplitude of a component's first harmonic on a piece of the curve."""
 
     component: int
-    omega: float
+    omega: float  # frequency [1/time]
     amplitude: float
-    value: float
+    value: float  # of the parameter along the curve
 
 
 class Curve:
-    """Responses along a curve through a range of frequencies, or of another parameter.
-
-    A point of the curve, (size + 1,), consists of the unknowns of the balance and the value of the
-    parameter. `found` are points at the requested values, and the turning points before each.
-    """
+    """Responses along a curve through a range of frequencies, or of another parameter."""
 
     def __init__(self, balance: Balance, wanted: np.ndarray, positive: bool) -> None:
+        # A point, (size + 1,), consists of the unknowns of the balance and the value of the
+        # parameter. `found` are points at requested values, and the turning points before each.
         self._balance, self._wanted, self._positive = balance, wanted, positive
         self.found: list[tuple[np.ndarray, int]] = []
         self.turning: list[float] = []
@@ -119,10 +114,8 @@ class Curve:
     def _change(
         self, place: np.ndarray, row: np.ndarray, right: float | None = None
     ) -> np.ndarray | None:
-        """Solve with the residual's derivative and one more row, (size + 1,); None if singular.
-
-        The right-hand side is the residual and then `right`, or, without `right`, 0 and then 1.
-        """
+        """Solve with the residual's derivative and one more row, (size + 1,); None if singular."""
+        # the right-hand side is the residual and then `right`, or, without `right`, 0 and then 1
         residual, matrix = self._balance.residual(place[:-1], place[-1])
         unit = 0.0 if self._positive else self._range
         beside = self._balance.by_value(place[:-1], place[-1], unit, residual)

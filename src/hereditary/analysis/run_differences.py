@@ -47,28 +47,7 @@ _SHRUNK = 1e-2
 
 
 class RunDifferences:
-    """Runs of an equation and of its neighbours, and their differences.
-
-    Parameters
-    ----------
-    equation : Equation
-    t_last : float
-        End of the runs, the user's time.
-    times : ndarray, shape (n,)
-        Times of the rows.
-    arguments : dict
-        Arguments of `solve`.
-    bar : ProgressBar
-    n_numbers : int
-        How many derivatives are requested, for the bar.
-
-    Attributes
-    ----------
-    change : float
-        Relative change of a number.
-    n_runs : int
-        Number of runs that are expected.
-    """
+    """Runs of an equation and of its neighbours, and their differences."""
 
     def __init__(
         self,
@@ -79,6 +58,8 @@ class RunDifferences:
         bar: ProgressBar,
         n_numbers: int,
     ) -> None:
+        # t_last: the user's time; times (n,): of the rows; arguments: of `solve`; n_numbers: how
+        # many derivatives are requested, for the bar; `change`: of a number, relative
         self._equation, self._t_last, self._times = equation, t_last, times
         self._given, self._bar, self.n_runs = arguments, bar, 1 + 2 * n_numbers
         self._made, self._bend = 0, 0.0
@@ -97,10 +78,8 @@ class RunDifferences:
         )
 
     def run(self) -> Solution:
-        """Return the run of the equation itself, to the first tolerance with which it completes.
-
-        If none does, it is the first one with the most rows.
-        """
+        """Return the run of the equation itself, to the first tolerance with which it completes."""
+        # if none does, it is the first one with the most rows
         tried: list[tuple[Solution, dict[str, Any]]] = []
         for tolerances in self._tries:
             self._ask(tolerances)
@@ -122,11 +101,9 @@ class RunDifferences:
 
     @property
     def error(self) -> float:
-        """Errors of derivatives by parameters and y0, as a fraction of their largest size.
-
-        If the second difference of y is b times the first one, the third is about b**2 times it.
-        This is the error that the change leaves. It is 1 where y bends more than it changes.
-        """
+        """Errors of derivatives by parameters and y0, as a fraction of their largest size."""
+        # If the second difference of y is b times the first one, the third is about b**2 times it.
+        # This is the error that the change leaves. It is 1 where y bends more than it changes.
         return max(_OF_CHANGE * self.change**2, self._bend**2)
 
     def by_params(self) -> np.ndarray:
@@ -158,10 +135,8 @@ class RunDifferences:
         return np.stack(found, axis=2)
 
     def _by(self, moved: Callable[[float], Equation], size: float) -> np.ndarray:
-        """Return derivatives of y by a number of this size, (n, d); ``moved(by)`` changes it.
-
-        The change is smaller where y would change by more than itself.
-        """
+        """Return derivatives of y by a number of this size, (n, d); ``moved(by)`` changes it."""
+        # the change is smaller where y would change by more than itself
         by = self.change * size
         for _ in range(_TRIALS):
             above = self._moved_rows(moved, by)
@@ -233,10 +208,7 @@ class RunDifferences:
 
 
 def initial_data(equation: Equation) -> list[tuple[int, int]]:
-    """Return the rows and real columns of y0 that the equation needs.
-
-    These are y(0) of each component, then y'(0) of those with an order above 1, and so on.
-    """
+    """Return rows and real columns of y0 that the equation needs: y(0), y'(0), and so on."""
     y0, paired = equation._initial.given, equation.system.frame.paired
     factors = factors_of(equation.terms, y0.shape[1], paired)
     left = left_side(equation.terms, factors, equation.orders, equation.t_start)

@@ -174,21 +174,16 @@ def extrema(
 
 
 def tops(values: np.ndarray, signs: tuple[float, ...] = (1.0, -1.0)) -> np.ndarray:
-    """Return the indices of local maxima, sign 1, and minima, -1, of a series (n,).
-
-    The index of a plateau is that of its middle, if the series falls on both sides of it.
-    """
+    """Return the indices of local maxima, sign 1, and minima, -1, of a series (n,)."""
+    # that of a plateau is its middle, if the series falls on both sides of it
     from scipy.signal import find_peaks
 
     return np.sort(np.concatenate([find_peaks(sign * values)[0] for sign in signs]))
 
 
 def values_at(solution: Solution, times: ArrayLike, derivative: int = 0) -> np.ndarray:
-    """Return the solution, or its first derivative, at times within the run, shape (k, d).
-
-    Values come from the dense output of `Collocation`, otherwise from a cubic spline through the
-    rows.
-    """
+    """Return the solution, or its first derivative, at times within the run, shape (k, d)."""
+    # from the dense output of `Collocation`, otherwise from a cubic spline through the rows
     at = real_array("times", times)
     ends = solution.t[0], solution.t[-1]
     slack = 1e-9 * (ends[1] - ends[0])  # times computed otherwise may miss the ends by rounding

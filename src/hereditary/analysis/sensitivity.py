@@ -200,10 +200,7 @@ def _by_tangents(
     runs: RunDifferences,
     bar: ProgressBar,
 ) -> Sensitivities:
-    """Return derivatives that are solved with the solution; those by orders from `runs`.
-
-    `arguments` are those of `solve`.
-    """
+    """Return derivatives that are solved with the solution; those by orders from `runs`."""
     scheme, history = arguments["scheme"], arguments["history"]
     start, size = equation.t_start, equation.params.size if "params" in kinds else 0
     system = replace(equation.system, by_params=size)

@@ -281,22 +281,9 @@ def _read(line: bytes, n: int, where: str) -> tuple[int, Point]:
 def computed(
     function: Callable[..., Any], carry: bool, points: list[dict[str, Any]], home: int
 ) -> list[Point]:
-    """Return status and plain values of several points; an executor runs it in any process.
-
-    Parameters
-    ----------
-    function : callable
-    carry : bool
-        Whether each point starts from the state that the point before returned.
-    points : list of dict
-    home : int
-        Process of the sweep.
-
-    Returns
-    -------
-    list of (str, dict)
-        Statuses; floats, strings and nested lists of them, as a store gives them back.
-    """
+    """Return status and plain values of several points; an executor runs it in any process."""
+    # carry: whether each point starts from the state that the point before returned; home: process
+    # of the sweep. Values are floats, strings and nested lists of them, as a store gives them back.
     with _deaf_to_ctrl_c(home), no_estimates():
         found, state = [], None
         for point in points:
@@ -315,10 +302,8 @@ def computed(
 
 @contextlib.contextmanager
 def _deaf_to_ctrl_c(home: int) -> Iterator[None]:
-    """Ignore Ctrl-C, which all processes receive, except in the process `home`.
-
-    Otherwise a run that Ctrl-C ends early in a worker would count as complete.
-    """
+    """Ignore Ctrl-C, which all processes receive, except in the process `home`."""
+    # otherwise a run that Ctrl-C ends early in a worker would count as complete
     main = threading.current_thread() is threading.main_thread()
     deaf = main and os.getpid() != home
     before = signal.signal(signal.SIGINT, signal.SIG_IGN) if deaf else None
