@@ -39,10 +39,8 @@ class Piece:
         raise NotImplementedError
 
     def evaluate(self, t: np.ndarray, above_one: np.ndarray, derivative: int) -> np.ndarray:
-        """Return y, or y' for ``derivative=1``, at times t inside the steps, (k, d).
-
-        `above_one` (d,) marks the components whose first derivative was an unknown.
-        """
+        """Return y, or y' for ``derivative=1``, at times t inside the steps, (k, d)."""
+        # above_one (d,): the components whose first derivative was an unknown
         raise NotImplementedError
 
     def evaluate_both(
@@ -60,21 +58,14 @@ class Piece:
 
 
 class Dense:
-    """The solution of a run at any time, from the interpolants of its steps.
-
-    Parameters
-    ----------
-    above_one : ndarray of bool, shape (d,)
-        Whether each component has an order above 1: then y' was an unknown of the steps.
-    frame : Frame
-        Map from times and components of the run to those of the user.
-    """
+    """The solution of a run at any time, from the interpolants of its steps."""
 
     def __init__(
         self,
         above_one: ArrayLike,
         frame: Frame = Frame(),  # noqa: B008
     ) -> None:
+        # above_one (d,): whether each component has an order above 1, so that y' was an unknown
         self._above_one, self._frame = np.asarray(above_one, dtype=bool), frame
         self._pieces: list = []
         self._starts: list[float] = []
@@ -90,10 +81,7 @@ class Dense:
         self._starts.append(start)
 
     def __call__(self, t: ArrayLike, derivative: int, end: float) -> np.ndarray:
-        """Return y, or y' for ``derivative=1``, at t; shape (d,), or (k, d) for k times.
-
-        Times t and `end`, the last time allowed, are those of the user.
-        """
+        """Return y, or y' for ``derivative=1``, at the user's t <= end; (d,), or (k, d)."""
         times = np.atleast_1d(real_array("t", t))
         if times.ndim > 1:
             refuse("t", "be a number or of shape (k,)", f"shape {times.shape}", "pass t.ravel()")
@@ -124,29 +112,15 @@ class Dense:
 
 
 def last_start(starts: np.ndarray, t: np.ndarray) -> np.ndarray:
-    """Return for each time the last start not after it, or the first of several equal starts.
-
-    Steps next to a singular start may be so short that time does not change.
-    """
+    """Return for each time the last start not after it, or the first of several equal starts."""
+    # steps next to a singular start may be so short that time does not change
     last = starts.searchsorted(t, side="right") - 1
     first = starts.searchsorted(t, side="left")
     return np.where(first <= last, first, last)
 
 
 class StepPieces(Piece):
-    """Consecutive steps, each a parabola through its ends with the slope at its end.
-
-    Parameters
-    ----------
-    times : ndarray, shape (k+1,)
-        Start of the first step, and ends of all steps [time].
-    rows, slopes : ndarray, shape (k+1, d)
-        Solution and first derivative at these times.
-    starting : FirstSteps or None
-        The solution inside the first two steps of a run, if it is known.
-    n : int
-        Number of steps before the first one.
-    """
+    """Consecutive steps, each a parabola through its ends with the slope at its end."""
 
     coarse = False
 
@@ -158,6 +132,8 @@ class StepPieces(Piece):
         starting: Any = None,
         n: int = 0,
     ) -> None:
+        # times (k+1,): of all ends [time]; rows, slopes (k+1, d); starting: the solution inside the
+        # first two steps of a run, if it is known; n: number of steps before
         self.times, self.rows, self.slopes = times, rows, slopes
         self.starting, self._n = starting, n
         if starting is not None:
@@ -201,11 +177,9 @@ class StepPieces(Piece):
 def curve(
     solution: Any, components: Any, derivatives: Sequence[int] = (0,)
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return times (k,) and values (k, m) of a curve that looks smooth if straight lines join them.
-
-    They are the rows of the solution and, if steps are long, points of its dense output between
-    rows. The columns are the chosen components of y, of y', or first of one and then of the other.
-    """
+    """Return times (k,) and values (k, m) of a curve that looks smooth as straight lines."""
+    # Rows and, if steps are long, points of the dense output between them; the columns are the
+    # chosen components of y, of y', or first of one and then of the other.
     t = solution.t
     values = np.hstack([(solution.y, solution.ydot)[k][:, components] for k in derivatives])
     if not solution.coarse:

@@ -23,45 +23,19 @@ _MAX_CHARACTERS_SHOWN = 120
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class State:
-    """Everything that is needed to resume a run, in read-only arrays; it can be pickled.
+    """Everything that is needed to resume a run, in read-only arrays; it can be pickled."""
 
-    Attributes
-    ----------
-    t : float
-        Time reached.
-    y : ndarray, shape (d,)
-        Solution at `t`.
-    scheme : Scheme
-    how : UniformSteps, MeshSteps or Tolerance
-        How the run chose its steps; for given steps, the steps made so far.
-    history : History or None
-        History of a run with given steps; None with Collocation.
-    identity : dict
-        Terms, right-hand side and other properties of the run, by name. They are checked when the
-        run is resumed, and so are `version` and `layout`.
-    checkpoint : tuple
-        What the stepper's `checkpoint` returned.
-    event_signs : dict
-        Sign of each event function just after `t`, by its digest.
-    accurate : State or None
-        State of an accurate run at about the same time, by which the error is estimated.
-    version : str
-        Version of the library that made the state.
-    layout : list
-        Shape and type of each array in the state.
-    """
-
-    t: float
-    y: np.ndarray
+    t: float  # time reached
+    y: np.ndarray  # (d,), at t
     scheme: Scheme
-    how: Any
-    history: Any = None
-    identity: dict[str, Any] = field(repr=False)
-    checkpoint: tuple = field(repr=False)
-    event_signs: dict[str, float] = field(default_factory=dict, repr=False)
-    accurate: "State | None" = field(default=None, repr=False)
-    version: str = field(default="", repr=False)
-    layout: list = field(default_factory=list, repr=False)
+    how: Any  # UniformSteps or MeshSteps made so far, or a Tolerance
+    history: Any = None  # None with Collocation
+    identity: dict[str, Any] = field(repr=False)  # properties checked on resumption, by name
+    checkpoint: tuple = field(repr=False)  # the stepper's
+    event_signs: dict[str, float] = field(default_factory=dict, repr=False)  # after t
+    accurate: "State | None" = field(default=None, repr=False)  # of an accurate run
+    version: str = field(default="", repr=False)  # of the library
+    layout: list = field(default_factory=list, repr=False)  # shape and type of each array
 
 
 def go_on_from(state: State | None, stepper: Any, allow_change: bool) -> None:
@@ -124,15 +98,8 @@ def _version() -> str:
 
 
 def identity(system: System, t: float, **how: Any) -> dict[str, Any]:
-    """Return the properties of a run to time t that a run must share to resume it, by name.
-
-    Parameters
-    ----------
-    system : System
-    t : float
-    **how
-        Further properties, such as the scheme and tolerances, in a form that can be compared.
-    """
+    """Return the properties of a run to time t that a run must share to resume it, by name."""
+    # how: further ones, such as the scheme and tolerances, in a form that can be compared
     return {
         **how,
         **described_terms(system, t),
@@ -145,10 +112,8 @@ def identity(system: System, t: float, **how: Any) -> dict[str, Any]:
 
 
 def described_terms(system: System, t: float) -> dict[str, list]:
-    """Return orders, kernels and coefficients of terms in a form that can be compared.
-
-    A function is represented by several of its values up to time t.
-    """
+    """Return orders, kernels and coefficients of terms in a form that can be compared."""
+    # a function is represented by several of its values up to time t
     left = system.left
     return {
         "orders": [op.described(_SAMPLED_FRACTIONS * t) for op, _ in left if op.kernel is None],
@@ -160,10 +125,8 @@ def described_terms(system: System, t: float) -> dict[str, list]:
 
 
 def check_identity(theirs: dict[str, Any], mine: dict[str, Any], allow_change: bool) -> bool:
-    """Refuse a state whose identity `theirs` differs from `mine`; return whether it differs.
-
-    With `allow_change` the right-hand side and the parameters may differ.
-    """
+    """Refuse a state whose identity `theirs` differs from `mine`; return whether it differs."""
+    # f and the parameters may differ if `allow_change`
     changed = [name for name in mine if theirs[name] != mine[name]]
     for name in changed:
         if allow_change and name in _CHANGEABLE:
@@ -182,10 +145,7 @@ def _short(value: object) -> str:
 
 
 def described(description: Any) -> str:
-    """Return a text that describes a frozen dataclass: its name and its fields.
-
-    A field may be a number, None, or another frozen dataclass such as a scheme.
-    """
+    """Return a text of a frozen dataclass: its name and its fields, which may be such classes."""
     values = {
         key: value if value is None else described(value) if is_dataclass(value) else float(value)
         for key, value in vars(description).items()

@@ -83,10 +83,8 @@ class Ending(NamedTuple):
 
 
 def failed(error: BaseException) -> Ending:
-    """Return the `Ending` of a run that an exception ended.
-
-    The status depends on what raised it: an order, a kernel or the right-hand side.
-    """
+    """Return the `Ending` of a run that an exception ended."""
+    # the status depends on what raised it: an order, a kernel or the right-hand side
     cause = original(error)
     if isinstance(cause, OrderFailed):
         return Ending(Status.ORDER_FAILED, str(cause), error)

@@ -23,16 +23,11 @@ class Stop(NamedTuple):
 
 
 class Diagnostics(NamedTuple):
-    """Faults of a run that do not stop it.
+    """Faults of a run that do not stop it."""
 
-    - instability: status of a run beyond a stability limit, else None.
-    - remedy: a clause that says how the instability shows, and what to do about it.
-    - misfit: a clause that says by how much kernels miss their tolerance; empty if none does.
-    """
-
-    instability: Status | None = None
-    remedy: str = ""
-    misfit: str = ""
+    instability: Status | None = None  # status beyond a stability limit
+    remedy: str = ""  # how the instability shows, and what to do about it
+    misfit: str = ""  # by how much kernels miss their tolerance; empty if none does
 
 
 class Stepper(ABC):
@@ -135,17 +130,11 @@ class ResumableStepper(Stepper):
 
 
 class Grown(NamedTuple):
-    """Growth of k tangents over a part of a march with n renormalisations.
+    """Growth of k tangents over a part of a march with n renormalisations."""
 
-    - piece: the solution on this part, or None.
-    - logs (n, 1 + k): for each renormalisation its mark (compiled/schedule.py), then the logarithms
-      of the tangents' growth since the renormalisation before.
-    - lost: whether tangents overflowed or became 0.
-    """
-
-    piece: Piece | None
-    logs: np.ndarray
-    lost: bool = False
+    piece: Piece | None  # the solution on this part
+    logs: np.ndarray  # (n, 1 + k): marks (compiled/schedule.py), logarithms of each growth
+    lost: bool = False  # whether tangents overflowed or became 0
 
 
 class TangentStepper(Stepper):
@@ -154,10 +143,7 @@ class TangentStepper(Stepper):
     @property
     @abstractmethod
     def tangent(self) -> np.ndarray:
-        """Derivatives of y, and of y' for orders above 1, along k directions, (n_data, k).
-
-        The n_data rows are the components of y, followed by y' of those with orders above 1.
-        """
+        """Derivatives along k directions, (n_data, k): of y, then of y' for orders above 1."""
 
     @abstractmethod
     def transform_tangent(self, matrix: np.ndarray) -> None:
@@ -167,18 +153,11 @@ class TangentStepper(Stepper):
     norm: np.ndarray | float = 1.0
 
     def grow(self, stop: float, schedule: Any) -> Grown:
-        """Make steps towards position `stop`, and make the tangents orthonormal by `schedule`.
-
-        This is Benettin's method: at a renormalisation ``tangent = Q R``, and the tangents are
-        multiplied by the inverse of R. This method does at most one renormalisation in a call. That
-        of a subclass may do more. Tangents are orthonormal over the sizes `norm`.
-
-        Parameters
-        ----------
-        stop : float
-        schedule : SCHEDULE
-            Times of the renormalisations, which it adapts to the growth (compiled/schedule.py).
-        """
+        """Make steps towards position `stop`, and make the tangents orthonormal by `schedule`."""
+        # This is Benettin's method: at a renormalisation tangent = Q R, and the tangents are
+        # multiplied by the inverse of R. This method does at most one renormalisation in a call,
+        # that of a subclass may do more. Tangents are orthonormal over the sizes `norm`. The
+        # schedule adapts its times to the growth (compiled/schedule.py).
         mark, k = int(due(schedule)), self.tangent.shape[1]
         target = mark * float(schedule["unit"])
         piece, none = self.advance(min(stop, target)), np.empty((0, 1 + k))

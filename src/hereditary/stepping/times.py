@@ -25,11 +25,8 @@ def checked_breaks(breaks: ArrayLike, start: float) -> np.ndarray:
 
 
 def together(times: Any, t: Any, origin: float = 0.0) -> np.ndarray:
-    """Return for each of `times` whether it equals t up to rounding.
-
-    The user's times are these plus `origin`, whose rounding errors count too. No time equals an
-    infinite t.
-    """
+    """Return for each of `times` whether it equals t up to rounding, but none an infinite t."""
+    # the user's times are these plus `origin`, whose rounding errors count too
     near = np.abs(times - t) <= ONE_TIME * np.maximum(np.abs(t), abs(origin))
     return near & np.isfinite(t)
 

@@ -55,11 +55,8 @@ def left_out(reason: str, remedy: str = "", **given: Any) -> None:
 
 
 def refusing(instead: dict[str, str]) -> Callable[[Callable[_P, _R]], Callable[_P, _R]]:
-    """Return a decorator that refuses keywords that a function has no argument for.
-
-    A message says what to write `instead`, by the name of the keyword. Without an entry it names
-    the argument that is most similar, or the function's help.
-    """
+    """Return a decorator that refuses keywords that a function has no argument for."""
+    # a message says what to write `instead`, or names the most similar argument, or the help
 
     def decorator(function: Callable[_P, _R]) -> Callable[_P, _R]:
         own, called = list(inspect.signature(function).parameters), function.__name__

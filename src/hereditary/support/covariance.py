@@ -28,11 +28,9 @@ def covariance_of(
     estimated: bool,
     names: list[str] | Literal[False],
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return the covariance of parameters, and the singular values for changes by their scale.
-
-    Entries are NaN for a parameter at a bound, and for one in a combination that does not change
-    residuals. The function warns of such combinations if `names` are given.
-    """
+    """Return the covariance of parameters, and the singular values for changes by their scale."""
+    # Entries are NaN for a parameter at a bound, and for one in a combination that does not change
+    # residuals. The function warns of such combinations if `names` are given.
     free = np.flatnonzero(~at_bound)
     jacobian = found.jac[:, free] * scale[free]
     sizes = np.linalg.norm(jacobian, axis=0)

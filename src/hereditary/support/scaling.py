@@ -22,16 +22,10 @@ def inverse(matrix: np.ndarray) -> np.ndarray:
 
 
 def _factors(matrix: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return factors of rows (m, 1) and of columns (1, n) that make nonzero entries about 1.
-
-    The logarithms of the entries are as small as possible in the least-squares sense. The factors
-    are powers of 2, so that they cause no rounding errors.
-
-    References
-    ----------
-    A. R. Curtis, J. K. Reid, On the automatic scaling of matrices for Gaussian elimination, IMA
-    Journal of Applied Mathematics 10 (1972).
-    """
+    """Return factors of rows (m, 1) and of columns (1, n) that make nonzero entries about 1."""
+    # The logarithms of the entries are as small as possible in the least-squares sense. The factors
+    # are powers of 2, so that they cause no rounding errors. A. R. Curtis, J. K. Reid, On the
+    # automatic scaling of matrices for Gaussian elimination, IMA J. Appl. Math. 10 (1972).
     exists = matrix != 0
     entries = np.log2(np.abs(matrix), where=exists, out=np.zeros(matrix.shape))
     of_rows = np.maximum(exists.sum(axis=1, keepdims=True), 1)

@@ -6,21 +6,15 @@ from typing import Any
 
 
 class Spares:
-    """Objects that nobody uses at present, by a key that says which of them are alike.
-
-    Who takes an object has it alone, so threads never write into the same arrays. The newest `most`
-    objects are kept.
-    """
+    """The newest `most` objects that nobody uses at present, by a key that says which are alike."""
 
     def __init__(self, most: int) -> None:
+        # who takes an object has it alone, so threads never write into the same arrays
         self._most, self._lock = most, threading.Lock()
         self._kept: list[tuple[Hashable, Any]] = []
 
     def take(self, key: Hashable, make: Callable[[], Any]) -> tuple[Hashable, Any]:
-        """Remove and return a key and an object of this key; ``make()`` makes one if none is kept.
-
-        The pair is the argument of `give_back`.
-        """
+        """Remove and return a key and an object of it, made if none is kept, for `give_back`."""
         with self._lock:
             for place in range(len(self._kept) - 1, -1, -1):
                 if self._kept[place][0] == key:
