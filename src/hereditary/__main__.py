@@ -36,11 +36,7 @@ _PARAMETERS = {
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Run the scene with the parameters on the command line; return the exit status.
-
-    With "paper" as the first word, compute the figures of the paper. With "compile", make all
-    machine code for which first runs would wait.
-    """
+    """Run a scene, the figures of the paper or the compilation; return the exit status."""
     argv = sys.argv[1:] if argv is None else argv
     if argv and argv[0] == "paper":
         return paper(argv[1:])

@@ -323,11 +323,8 @@ class _Function(_Known):
 
 
 def _interpolated(function: Any, degree: int) -> Any:
-    """Return the Chebyshev series that interpolates a function on [-1, 1], to rounding.
-
-    The matrix of NumPy's function has rounding errors forty times as large, which derivatives
-    amplify by powers of the degree.
-    """
+    """Return the Chebyshev series that interpolates a function on [-1, 1], to rounding."""
+    # NumPy's has rounding errors forty times as large, which grow by powers of the degree in y'
     n = degree + 1
     series = scipy.fft.dct(function(np.cos(np.pi * (np.arange(n) + 0.5) / n)), axis=0) / n
     series[0] /= 2

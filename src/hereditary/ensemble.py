@@ -387,18 +387,10 @@ def _kept(steps: Any, save_every: int, times: np.ndarray | None, start: float) -
 
 
 class _Members:
-    """Parameters and initial values of E members, checked.
-
-    Attributes
-    ----------
-    base : Equation
-    size : int
-    params : ndarray, shape (E, p)
-    inside : ndarray, shape (E, m, d)
-        Initial values of the components that are marched.
-    """
+    """Parameters and initial values of E members, checked."""
 
     def __init__(self, equation: Equation, params: Any, y0: Any) -> None:
+        # params (E, p); inside (E, m, d): initial values of the components that are marched
         if params is None and y0 is None:
             required = "be given, params or y0 or both"
             refuse("params", required, "None for both", "a row for each member", kind=TypeError)
@@ -467,17 +459,14 @@ def _inside(equation: Equation, values: Any) -> Any:
 
 
 class _Run:
-    """Members of which some are solved: their rows, and how each ended.
-
-    `kept` (n,) are the numbers of the steps, of `UniformSteps`, whose rows are kept. Both are None
-    if a tolerance chooses steps. `arguments` are those of `solve`, and `changes` those of each
-    member.
-    """
+    """Members of which some are solved: their rows, and how each ended."""
 
     def __init__(
         self, members: Any, times: np.ndarray, t_end: float, kept: Any, steps: Any,
         arguments: dict, changes: list[Mapping],
     ) -> None:  # fmt: skip
+        # kept (n,): numbers of those of `steps`, `UniformSteps`, whose rows are kept; both None by
+        # a tolerance. arguments: those of `solve`, and changes: those of each member.
         self._members, self._times, self._t_end = members, times, t_end
         self._kept, self._steps, self._changes, self._arguments = kept, steps, changes, arguments
         size, frame = members.size, members.base.system.frame

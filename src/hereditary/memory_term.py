@@ -29,21 +29,16 @@ _CORRECTED = 1
 
 
 class MemoryTermState(NamedTuple):
-    """Everything that a resumed `MemoryTerm` needs.
+    """Everything that a resumed `MemoryTerm` needs."""
 
-    These are the arguments of the term, the number of steps, and the step at which the open block
-    begins. Arrays are u (W,), and h v0 and term0 (2, W). The others are lag and newest pieces of
-    the block, and the memory of older pieces.
-    """
-
-    made: dict
-    n: int
-    opened: int
-    u: np.ndarray
-    start: np.ndarray
-    lag: np.ndarray
-    pieces: np.ndarray
-    memory: tuple[np.ndarray, ...]
+    made: dict  # arguments of the term
+    n: int  # number of steps
+    opened: int  # step at which the open block begins
+    u: np.ndarray  # (W,)
+    start: np.ndarray  # h v0 and term0, (2, W)
+    lag: np.ndarray  # of the block
+    pieces: np.ndarray  # newest ones of the block
+    memory: tuple[np.ndarray, ...]  # of older pieces
 
 
 class MemoryTerm:

@@ -21,12 +21,9 @@ _COMPONENTS_ABOVE_FEW = 12
 
 
 def precompile() -> int:
-    """Compile the loops that take seconds into the cache on disk; return the number of runs.
-
-    Loops that take at most a second each are not compiled. They are SuperLU's solvers, direct sums
-    on meshes and of orders that vary, memory terms of other programs, and the divergence of orbits.
-    Two processes share the runs.
-    """
+    """Compile the loops that take seconds into the cache on disk; return the number of runs."""
+    # Not those that take at most a second each: SuperLU's solvers, direct sums on meshes and of
+    # orders that vary, memory terms of other programs, the divergence of orbits.
     spawn = multiprocessing.get_context("spawn")
     with ProcessPoolExecutor(2, mp_context=spawn) as processes:
         return sum(processes.map(_run_all, (_by_tolerance, _on_given_steps)))

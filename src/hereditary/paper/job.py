@@ -19,21 +19,11 @@ from ..analysis.table import Table
 
 @dataclass(frozen=True)
 class Job:
-    """Settings of one call of the command.
+    """Settings of one call of the command."""
 
-    Attributes
-    ----------
-    folder : Path
-        Where figures and tables are written.
-    quick : bool
-        A few points, short runs, few steps.
-    executor : Executor or None
-        Where points are computed; threads by default.
-    """
-
-    folder: Path
-    quick: bool = False
-    executor: Executor | None = None
+    folder: Path  # for figures and tables
+    quick: bool = False  # a few points, short runs, few steps
+    executor: Executor | None = None  # where points are computed; threads by default
 
     def few(self, values: np.ndarray, n: int = 3) -> np.ndarray:
         """Return the values of an axis, or `n` of them, from end to end, in a quick run."""

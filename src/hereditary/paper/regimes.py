@@ -287,11 +287,8 @@ class _Orbit:
         return [(float(self._t[a]), float(self._t[b])) for a, b in stays]
 
     def recurrence(self, window: float) -> tuple[int, float]:
-        """Return the number of wells after which times in wells repeat best, and their difference.
-
-        Every cycle, and four of the longer times, must have been passed; otherwise return 0 and
-        NaN.
-        """
+        """Return after how many wells times in wells repeat best, and their difference."""
+        # 0 and NaN unless every cycle, and four of the longer times, have been passed
         begin = self._t[self._from(window)]
         passages = self._passages[self._passages >= begin]
         times = np.diff(passages)
@@ -319,10 +316,8 @@ def _passages(t: np.ndarray, x: np.ndarray, spacing: float) -> np.ndarray:
 
 
 def _share_irregular(orbits: Sequence[_Orbit]) -> tuple[float, float]:
-    """Return the fraction of votes against repetition, and that of all votes that were possible.
-
-    Half a vote is added on either side.
-    """
+    """Return the fraction of votes against repetition, and that of all votes that were possible."""
+    # half a vote is added on either side
     votes: list[bool | None] = []
     for orbit in orbits:
         for window in _WINDOWS[1:]:

@@ -94,10 +94,8 @@ def _growth(run: LyapunovResult) -> dict[str, Any]:
 def orbit(
     *, times: np.ndarray, n_steps: int | None = None, rtol: float = 1e-10, **parameters: Any
 ) -> tuple[np.ndarray, np.ndarray, list[tuple[float, float]]]:
-    """Return position and velocity at given times, and the stays in the wells [(start, end)].
-
-    They are computed by collocation, or with `n_steps` of the scheme of the paper.
-    """
+    """Return position and velocity at given times, and the stays in the wells [(start, end)]."""
+    # by collocation, or with `n_steps` of the scheme of the paper
     tolerance, scheme = (rtol, None) if n_steps is None else (None, ExplicitCaputo())
     solution = solve(
         stick_slip(**parameters), float(times[-1]), n_steps, scheme=scheme, rtol=tolerance,
@@ -110,10 +108,8 @@ def orbit(
 def section(
     *, t_end: float, count: int, n_steps: int | None = None, **parameters: Any
 ) -> dict[str, Any]:
-    """Return the last samples once a period of the wells: position in the well, and velocity.
-
-    They are computed by collocation, or with given steps of a scheme of second order.
-    """
+    """Return the last samples once a period of the wells: position in the well, and velocity."""
+    # by collocation, or with given steps of a scheme of second order
     rtol, scheme = (1e-7, None) if n_steps is None else (None, BDF(2))
     solution = solve(stick_slip(**parameters), t_end, n_steps, scheme=scheme, rtol=rtol)
     found = stroboscopic(solution, wells_period(**parameters), t_end / 2, count)
@@ -126,10 +122,8 @@ def section(
 
 
 def regime(*, t_end: float, n_steps: int, **parameters: Any) -> dict[str, Any]:
-    """Return the regime of an orbit, checked by a run with twice the step.
-
-    The scheme is of second order: with these steps the scheme of the paper changes some verdicts.
-    """
+    """Return the regime of an orbit, checked by a run with twice the step."""
+    # of second order: with these steps the scheme of the paper changes some verdicts
     equation, scheme = stick_slip(**parameters), BDF(2)
     n_steps = _solvable(n_steps, t_end, **parameters)
     # rows at a quarter of the duration of a slip suffice
@@ -156,11 +150,9 @@ def regime(*, t_end: float, n_steps: int, **parameters: Any) -> dict[str, Any]:
 def _solvable(
     n_steps: int, t_end: float, beta: float = 1.8, adhesion: float = 50.0, **others: Any
 ) -> int:
-    """Return n_steps, doubled until twice the step also has one solution at a barrier.
-
-    An implicit step has several solutions if the force rises faster than the weight of the scheme,
-    ``(3 / 2 / h)**beta``. Orders of inertia near 1 need short steps.
-    """
+    """Return n_steps, doubled until twice the step also has one solution at a barrier."""
+    # An implicit step has several solutions if the force rises faster than the weight of the
+    # scheme, (3 / 2 / h)**beta. Orders of inertia near 1 need short steps.
     steepest = adhesion * sum(n * a for n, a in enumerate(PRINTED_WELL, 1))
     while (4 / 3 * t_end / n_steps) ** beta * steepest > _GENTLE:
         n_steps *= 2

@@ -276,10 +276,8 @@ def frequency_response(
 
 
 def _joined(response: Any, component: Any) -> Any:
-    """Return values, first harmonics and branches of a curve, also between the given values.
-
-    They are from a cubic spline over the length of the curve, through its turning points.
-    """
+    """Return values, first harmonics and branches of a curve, also between the given values."""
+    # from a cubic spline over the length of the curve, through its turning points
     values, harmonic = response.values, response.coefficients[:, component, 1]
     from scipy.interpolate import CubicSpline
 

@@ -66,10 +66,8 @@ def oscillator_terms(
     friction: float,
     kind: type[Caputo] = Caputo,
 ) -> list[Summand]:
-    """Return inertia and friction, ``D^beta + friction D^gamma``, with checked orders.
-
-    An order may be a function of time; its value at 0 determines its range.
-    """
+    """Return inertia and friction, ``D^beta + friction D^gamma``, with checked orders."""
+    # an order may be a function of time; its value at 0 determines its range
     at_start = [order(0.0) if callable(order) else order for order in (beta, gamma)]
     within("beta", at_start[0], 1 + 1e-15, 2.0, "(1, 2]", "order 1 and below takes no x'(0)")
     within("gamma", at_start[1], 5e-324, 1.0, "(0, 1]")
