@@ -29,13 +29,7 @@ try:
 except ImportError as error:
     raise ImportError("no pymittagleffler found: pip install hereditary[exact]") from error
 
-__all__ = [
-    "mittag_leffler",
-    "oscillator",
-    "relaxation",
-    "several_terms",
-    "system",
-]
+__all__ = ["mittag_leffler", "oscillator", "relaxation", "several_terms", "system"]
 
 ExactSolution = Callable[[ArrayLike], np.ndarray]
 

@@ -7,12 +7,4 @@ from .given.weights import weighed
 from .stepping.scheme import Scheme, check_smoothness
 from .support.checks import within
 
-__all__ = [
-    "Plan",
-    "Scheme",
-    "System",
-    "check_smoothness",
-    "uniform_plan",
-    "weighed",
-    "within",
-]
+__all__ = ["Plan", "Scheme", "System", "check_smoothness", "uniform_plan", "weighed", "within"]

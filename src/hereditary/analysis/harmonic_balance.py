@@ -27,12 +27,7 @@ _FREE = 1e-7
 
 @entry(RIGHT_SIDE, F8, MAT, VEC, MAT, MAT)
 def _over_a_period(
-    right: Any,
-    omega: float,
-    y: np.ndarray,
-    units: np.ndarray,
-    f: np.ndarray,
-    j_f: np.ndarray,
+    right: Any, omega: float, y: np.ndarray, units: np.ndarray, f: np.ndarray, j_f: np.ndarray
 ) -> None:
     """Set f (N, d) at equal times of a period and y (N, d), and its Jacobian, flat (N, d d).
 

@@ -144,12 +144,7 @@ def chained(left: Sequence[SystemTerm], y0: np.ndarray, functions: Functions) ->
     sources = np.append(np.arange(len(pairs)), [s for _, s in memory]).astype(np.int64)
     left = left_of(found, size)
     system = System(
-        left,
-        np.take(start, sources, axis=1),
-        functions,
-        None,
-        sources,
-        of_y=of_y[sources],
+        left, np.take(start, sources, axis=1), functions, None, sources, of_y=of_y[sources]
     )
     return Chained(system, speeds)
 

@@ -12,13 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..compiled.functions import Functions, no_functions
-from ..compiled.jacobian import (
-    VALUES,
-    derivatives_by_parameters,
-    force_at,
-    jacobian_at,
-    right_side,
-)
+from ..compiled.jacobian import VALUES, derivatives_by_parameters, force_at, jacobian_at, right_side
 from ..compiled.signatures import RightSide
 from ..functions.differences import units_of
 from ..support.checks import refuse

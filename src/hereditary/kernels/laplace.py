@@ -88,10 +88,7 @@ class LaplaceKernel(Kernel):
     """A memory kernel that is known by its Laplace transform; see `kernel_from_laplace`."""
 
     def __init__(
-        self,
-        transform: Callable,
-        singular_exponent: float | None = None,
-        signed: bool = False,
+        self, transform: Callable, singular_exponent: float | None = None, signed: bool = False
     ) -> None:
         self._function, self._signed = transform, signed
         self._polynomials: dict[int, np.ndarray] = {}

@@ -128,10 +128,7 @@ def _column(table: Table, value: str, k: int) -> Table:
 
 
 def _spectra(
-    job: Job,
-    name: str,
-    grid: Mapping[str, np.ndarray],
-    panels: Mapping[str, Mapping[str, Any]],
+    job: Job, name: str, grid: Mapping[str, np.ndarray], panels: Mapping[str, Mapping[str, Any]]
 ) -> list[str]:
     """Draw spectra over one parameter: at T = 100 above, late slopes of long runs below."""
     grid = {axis: job.few(values) for axis, values in grid.items()}

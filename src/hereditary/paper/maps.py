@@ -125,10 +125,7 @@ def _diagram(
 
 
 def _map(
-    job: Job,
-    name: str,
-    grid: Mapping[str, np.ndarray],
-    panels: Mapping[str, Mapping[str, Any]],
+    job: Job, name: str, grid: Mapping[str, np.ndarray], panels: Mapping[str, Mapping[str, Any]]
 ) -> list[str]:
     """Draw regimes over two parameters, in panels next to each other."""
     grid = {axis: job.few(values) for axis, values in grid.items()}

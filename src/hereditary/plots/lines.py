@@ -27,11 +27,7 @@ _POINTS_BETWEEN_VALUES = 20
 
 
 def oscillogram(
-    solution: Solution,
-    ax: Axes | None = None,
-    *,
-    components: ArrayLike | None = None,
-    **line: Any,
+    solution: Solution, ax: Axes | None = None, *, components: ArrayLike | None = None, **line: Any
 ) -> Axes:
     """Draw the solution against time, one line for each component.
 
@@ -53,11 +49,7 @@ def oscillogram(
 
 
 def velocity(
-    solution: Solution,
-    ax: Axes | None = None,
-    *,
-    components: ArrayLike | None = None,
-    **line: Any,
+    solution: Solution, ax: Axes | None = None, *, components: ArrayLike | None = None, **line: Any
 ) -> Axes:
     """Draw the first derivative against time; the equation's highest order must exceed 1.
 
@@ -137,11 +129,7 @@ def _phases(
 
 
 def errors(
-    accuracy: Accuracy,
-    ax: Axes | None = None,
-    *,
-    components: ArrayLike | None = None,
-    **line: Any,
+    accuracy: Accuracy, ax: Axes | None = None, *, components: ArrayLike | None = None, **line: Any
 ) -> Axes:
     """Draw relative errors of a run against time, on a logarithmic scale.
 
@@ -177,11 +165,7 @@ def errors(
 
 
 def fit(
-    result: FitResult,
-    ax: Axes | None = None,
-    *,
-    components: ArrayLike | None = None,
-    **line: Any,
+    result: FitResult, ax: Axes | None = None, *, components: ArrayLike | None = None, **line: Any
 ) -> Axes:
     """Draw data as points and the fitted model as lines, also between the data.
 

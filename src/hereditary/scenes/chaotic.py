@@ -170,10 +170,7 @@ def _rabinovich_fabrikant_jacobian(
 
 
 def rabinovich_fabrikant(
-    alpha: ArrayLike = 1.0,
-    a: float = 0.1,
-    b: float = 0.98,
-    y0: ArrayLike = (0.1, 0.1, 0.1),
+    alpha: ArrayLike = 1.0, a: float = 0.1, b: float = 0.98, y0: ArrayLike = (0.1, 0.1, 0.1)
 ) -> Equation:
     """Make the Rabinovich-Fabrikant system, self-modulated waves in a dissipative medium.
 

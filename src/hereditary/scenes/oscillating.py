@@ -178,10 +178,7 @@ def _brusselator_jacobian(
 
 
 def brusselator(
-    alpha: ArrayLike = 1.0,
-    a: float = 1.0,
-    b: float = 3.0,
-    y0: ArrayLike = (1.2, 2.8),
+    alpha: ArrayLike = 1.0, a: float = 1.0, b: float = 3.0, y0: ArrayLike = (1.2, 2.8)
 ) -> Equation:
     """Make the Brusselator, two reactants of which one is autocatalytic.
 

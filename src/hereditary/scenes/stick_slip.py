@@ -138,11 +138,7 @@ def stick_slip(
     if resistance is not None:
         terms[1] = real("friction", friction) * Memory(resistance, 1)
     return Equation(
-        terms,
-        _force,
-        [[real("x0", x0)], [real("v0", v0)]],
-        params=params,
-        jac=_force_jacobian,
+        terms, _force, [[real("x0", x0)], [real("v0", v0)]], params=params, jac=_force_jacobian
     )
 
 

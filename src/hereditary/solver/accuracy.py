@@ -285,12 +285,7 @@ class Provenance:
         return replace(accuracy, ended=ended)
 
     def _accurate(
-        self,
-        solution: Solution,
-        scheme: Scheme,
-        *,
-        late: _Patience | None = None,
-        **steps: Any,
+        self, solution: Solution, scheme: Scheme, *, late: _Patience | None = None, **steps: Any
     ) -> Outcome:
         """Solve the problem of a solution by a tolerance, with rows at the times to compare."""
         problem = self.problem

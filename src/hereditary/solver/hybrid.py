@@ -506,11 +506,7 @@ _UNDECIDED = Disarmed(Errors(0.0, np.zeros(1)), 0.0, 1.0)
 
 
 def is_hidden(
-    value: Callable[[float, np.ndarray], float],
-    t: float,
-    y: np.ndarray,
-    now: float,
-    errors: Errors,
+    value: Callable[[float, np.ndarray], float], t: float, y: np.ndarray, now: float, errors: Errors
 ) -> bool:
     """Return whether an event may have another sign than that of `now`."""
     values = [now, *(v for v in _beside(value, t, y, errors) if math.isfinite(v))]

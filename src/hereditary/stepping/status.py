@@ -37,10 +37,7 @@ class Status(enum.StrEnum):
         "step_too_large",
         "the run reached the end, but beyond the scheme's stability limit on the way",
     )
-    KERNEL_INACCURATE = (
-        "kernel_inaccurate",
-        "a memory kernel is less accurate than its tolerance",
-    )
+    KERNEL_INACCURATE = ("kernel_inaccurate", "a memory kernel is less accurate than its tolerance")
     ZIGZAG = (
         "zigzag",
         "the solution zigzags from step to step: the step is beyond the stability limit",

@@ -37,11 +37,7 @@ def complaint(argument: str, required: str, got: object, remedy: object = "") ->
 
 
 def refuse(
-    argument: str,
-    required: str,
-    got: object,
-    remedy: str = "",
-    kind: type[Exception] = ValueError,
+    argument: str, required: str, got: object, remedy: str = "", kind: type[Exception] = ValueError
 ) -> NoReturn:
     """Raise the error for a refused argument: what it must do, what arrived, what to do."""
     raise kind(complaint(argument, required, got, remedy))
@@ -119,10 +115,7 @@ def within(
 
 
 def count(
-    argument: str,
-    value: Any,
-    remedy: str = "pass a whole number of at least 1",
-    least: int = 1,
+    argument: str, value: Any, remedy: str = "pass a whole number of at least 1", least: int = 1
 ) -> int:
     """Return `value` as an int of at least `least`, 1 or 0."""
     if type(value) is int and least <= value < _SMALL:

@@ -126,11 +126,7 @@ class Estimates:
 
 
 def estimates_of(
-    names: list[str],
-    values: np.ndarray,
-    covariance: np.ndarray,
-    at_bound: np.ndarray,
-    message: str,
+    names: list[str], values: np.ndarray, covariance: np.ndarray, at_bound: np.ndarray, message: str
 ) -> dict[str, Any]:
     """Return the fields of `Estimates` that follow from parameters (m,) and their covariance."""
     errors = np.sqrt(np.diag(covariance))
