@@ -71,7 +71,7 @@ def _of_time(name: str, given: Any, remedy: str) -> None:
         refuse(name, "be a function of t alone", f"{name}({', '.join(names)})", remedy, TypeError)
 
 
-class Earlier(NamedTuple):
+class InitialFunction(NamedTuple):
     """The solution before `origin`, the user's start, as a delay reads it."""
 
     delay: Delay
@@ -83,7 +83,7 @@ class Earlier(NamedTuple):
 class Delayed(NamedTuple):
     """A delay of a system, whose times count from the start."""
 
-    past: Earlier
+    past: InitialFunction
     number: int  # among the delays of the right-hand side
     displacement: np.ndarray  # of the solution before the start, (d,), for neighbouring orbits
 
@@ -146,12 +146,12 @@ def _called(name: str, function: Callable, times: list[float]) -> list:
     return rows
 
 
-def pasts_of(memory: Sequence[Any], y0: np.ndarray, origin: float) -> list[Earlier | None]:
+def pasts_of(memory: Sequence[Any], y0: np.ndarray, origin: float) -> list[InitialFunction | None]:
     """Return the past of each delay in `memory`, and None for each other operator."""
     return [_past(part, y0, origin) if isinstance(part, Delay) else None for part in memory]
 
 
-def _past(delay: Delay, y0: np.ndarray, origin: float) -> Earlier:
+def _past(delay: Delay, y0: np.ndarray, origin: float) -> InitialFunction:
     """Return the solution before `origin` as `delay` has it; by default it is y0 (d,)."""
     d, given = y0.size, y0 if delay.past is None else delay.past
     kinds = "biufc" if y0.dtype.kind == "c" else "biuf"
@@ -176,11 +176,11 @@ def _past(delay: Delay, y0: np.ndarray, origin: float) -> Earlier:
         return found
 
     at = origin - float(_taus(delay, np.zeros(1), origin)[0])
-    return Earlier(delay, values, origin, values(np.array([at]))[0])
+    return InitialFunction(delay, values, origin, values(np.array([at]))[0])
 
 
 def reading(
-    functions: Functions, pasts: Sequence[Earlier | None]
+    functions: Functions, pasts: Sequence[InitialFunction | None]
 ) -> tuple[Functions, tuple[Delayed, ...]]:
     """Return functions that read delays from tables, and the delays; `functions` without delays."""
     # functions have k rows of memory; pasts: one for each row, None if it remains an unknown

@@ -17,25 +17,13 @@ from ..functions.build import Start, present_values
 from ..functions.differences import check_jacobian
 from ..functions.reads import digest, digest_of_compiled
 from ..support.checks import instance, real, real_array, refuse
+from . import statement
 from .chain import chained
 from .delay import Delay, pasts_of, reading
 from .formula import formula
 from .frame import Frame
 from .jacobian_structure import JacobianInfo, copied, jacobian_info
 from .operators import Summand
-from .statement import (
-    Initial,
-    as_terms,
-    check_leading,
-    factors_of,
-    initial_of,
-    left_side,
-    of_shorthand,
-    orders_of,
-    read_memory,
-    start_of,
-    with_memory,
-)
 from .system import System, with_params
 from .terms import SystemTerm
 
@@ -173,17 +161,17 @@ class Equation:
         bandwidth: tuple[int, int] | None = None,
         jac_sparsity: Any = None,
     ) -> None:
-        self.terms, self.memory = as_terms(terms), read_memory(memory)
+        self.terms, self.memory = statement.as_terms(terms), statement.read_memory(memory)
         self.rhs, self.jac, self.jac_memory = rhs, jac, jac_memory
         self.linear, self.jac_sparsity, self.bandwidth = linear, jac_sparsity, bandwidth
-        initial = self._initial = initial_of(y0, self.terms, d)
+        initial = self._initial = statement.initial_of(y0, self.terms, d)
         self.t_start = real("t_start", t_start)
-        factors = factors_of(self.terms, initial.d, initial.paired)
-        self.orders = orders_of(self.terms, initial.d, initial.paired)
+        factors = statement.factors_of(self.terms, initial.d, initial.paired)
+        self.orders = statement.orders_of(self.terms, initial.d, initial.paired)
         self.coefficients = factors[[term.operator.constant for term in self.terms]]
         self.coefficients.flags.writeable = False
         pasts = pasts_of(self.memory, initial.values[0], self.t_start)
-        start = start_of(initial, pasts, _numbers(params), self.t_start)
+        start = statement.start_of(initial, pasts, _numbers(params), self.t_start)
         info = self._stated(initial, factors.ndim > 2)
         functions = self._assembled(info, initial, start)
         made, structure = functions.functions._replace(start=self.t_start), None
@@ -195,8 +183,8 @@ class Equation:
         self._constants = info.constants() if info else ()
         self._in_python = bool(functions.callbacks)
         self._frozen = self._present_values()
-        self.system = self._solved(
-            left_side(self.terms, factors, self.orders, self.t_start),
+        self.system = self._system_of(
+            statement.left_side(self.terms, factors, self.orders, self.t_start),
             made,
             structure=structure,
             matrix=info and info.linear,
@@ -226,7 +214,7 @@ class Equation:
         """Parameters, shape (p,)."""
         return self.system.params
 
-    def _stated(self, initial: Initial, matrices: bool) -> JacobianInfo | None:
+    def _stated(self, initial: statement.Initial, matrices: bool) -> JacobianInfo | None:
         """Check what is stated of the Jacobian, and return it as `JacobianInfo` or None."""
         # matrices: whether coefficients of the terms are matrices
         if self.rhs is not None and self.linear is self.bandwidth is self.jac_sparsity is None:
@@ -243,34 +231,36 @@ class Equation:
             self.linear,
         )
 
-    def _assembled(self, info: JacobianInfo | None, initial: Initial, start: Start) -> Assembled:
+    def _assembled(
+        self, info: JacobianInfo | None, initial: statement.Initial, start: Start
+    ) -> Assembled:
         """Check the functions at the start and return them, compiled where numba can."""
         entries = info.values_of(self.jac, start) if info else self.jac
-        hint = partial(of_shorthand, initial, bool(self.memory))
+        hint = partial(statement.of_shorthand, initial, bool(self.memory))
         shape = info and info.shape
         return functions_of(self.rhs, entries, self.jac_memory, start, hint, shape)
 
-    def _solved(self, left: list[SystemTerm], functions: Functions, **known: Any) -> System:
+    def _system_of(self, left: list[SystemTerm], functions: Functions, **fields: Any) -> System:
         """Return the system to solve, without matrices as coefficients and orders above 2."""
         y0 = self._initial.needed(left)
         kept = [term for term in self.memory if not isinstance(term, Delay)]
-        check_leading(left, y0, bool(kept))
-        if known["delays"]:
-            pasts = [each.past.delay for each in known["delays"]]
-            known["terms_digest"] = digest([(delay.tau, delay.past) for delay in pasts])
+        statement.check_leading(left, y0, bool(kept))
+        if fields["delays"]:
+            pasts = [each.past.delay for each in fields["delays"]]
+            fields["terms_digest"] = digest([(delay.tau, delay.past) for delay in pasts])
         if len(y0) > 2 or left[0].coefficients.ndim > 1:
             if self.memory:
                 required = "be left out with orders above 2 and with matrices as coefficients"
                 remedy = "write the equation as a system of y and its derivatives"
                 refuse("memory", required, repr(self.memory), remedy)
-            known["terms_digest"] = digest([(operator.order, c) for operator, c in left])
+            fields["terms_digest"] = digest([(operator.order, c) for operator, c in left])
             system, speeds = chained(left, y0, functions)
             frame = Frame(self.t_start, self._initial.paired, tuple(speeds.tolist()))
-            system = replace(system, frame=frame, **known)
+            system = replace(system, frame=frame, **fields)
         else:
             frame = Frame(self.t_start, self._initial.paired)
-            system = System(left, y0, functions, frame=frame, **known)
-        system = with_memory(system, kept) if kept else system
+            system = System(left, y0, functions, frame=frame, **fields)
+        system = statement.with_memory(system, kept) if kept else system
         system.y0.flags.writeable = False
         return system
 

@@ -12,7 +12,7 @@ from ..compiled.functions import mapped
 from ..functions.build import Start
 from ..support.checks import complaint, count, real_array, refuse, refuse_masked, shown
 from .chain import FROM_ZERO
-from .delay import Delay, Earlier
+from .delay import Delay, InitialFunction
 from .operators import Summand, Term
 from .orders import merged_orders
 from .system import System, leading_orders
@@ -284,7 +284,7 @@ def initial_of(y0: ArrayLike, terms: Iterable[Term], d: int | None) -> Initial:
 
 
 def start_of(
-    initial: Initial, pasts: Sequence[Earlier | None], params: np.ndarray, t_start: float
+    initial: Initial, pasts: Sequence[InitialFunction | None], params: np.ndarray, t_start: float
 ) -> Start:
     """Return the arguments of functions at the start; memory is 0 there, except for delays."""
     remembered = np.zeros((len(pasts), initial.d), initial.values.dtype)
