@@ -108,7 +108,8 @@ def test_the_way_of_a_call_names_functions_that_are_there():
 
 def test_messages_say_the_value_that_arrived():
     for path, node in NODES:
-        if isinstance(node, ast.Call) and getattr(node.func, "id", "") in ("complaint", "refuse"):
+        called = getattr(node, "func", None)
+        if getattr(called, "id", getattr(called, "attr", "")) in ("complaint", "refuse"):
             got = getattr(node.args[2], "value", None) if len(node.args) > 2 else None
             assert got not in VAGUE, (path, node.lineno)
 

@@ -20,18 +20,7 @@ from .equation.equation import Equation
 from .equation.operators import Caputo, Memory, Summand, Terms
 from .kernels.laplace import BINADE_DEGREE, by_polynomials, inverted, kernel_from_laplace
 from .kernels.memory_kernel import Prony
-from .support.checks import (
-    complaint,
-    function,
-    instance,
-    mapping,
-    positive,
-    real_array,
-    refuse,
-    refuse_masked,
-    shown,
-    within,
-)
+from .support import checks
 from .support.covariance import Estimates, covariance_of, estimates_of
 
 __all__ = [
@@ -205,8 +194,8 @@ class SpringPot(Model):
     order: float
 
     def __post_init__(self) -> None:
-        positive("modulus", self.modulus)
-        within("order", self.order, 0.0, 1.0, "[0, 1]")
+        checks.positive("modulus", self.modulus)
+        checks.within("order", self.order, 0.0, 1.0, "[0, 1]")
 
     def _split(self, s: np.ndarray) -> tuple[tuple[float, np.ndarray], tuple[float, np.ndarray]]:
         one, nothing = float(self.modulus), np.zeros_like(s)
@@ -240,9 +229,11 @@ class Combined(Model):
 
     def __post_init__(self) -> None:
         for part in self.parts:
-            instance("parts", part, Model, "hereditary.viscoelastic.SpringPot(modulus, order)")
+            checks.instance(
+                "parts", part, Model, "hereditary.viscoelastic.SpringPot(modulus, order)"
+            )
         if not self.parts:
-            refuse("parts", "hold at least one model", repr(self.parts))
+            checks.refuse("parts", "hold at least one model", repr(self.parts))
 
     def _split(self, s: np.ndarray) -> tuple[tuple[float, np.ndarray], tuple[float, np.ndarray]]:
         # A = Q/s and B = 1/Q, or the reverse in series: then A B = 1/s, and parts add A
@@ -456,18 +447,20 @@ def _fitted(
     for each in rows:
         if at.ndim != 1 or each.shape != at.shape:
             got = f"{each.shape} beside {at.shape} of {place}"
-            refuse(names_of_rows, f"have shape (n,) as {place}", got)
+            checks.refuse(names_of_rows, f"have shape (n,) as {place}", got)
     data = np.array(rows)
-    function("model", model, "model(**parameters)")
-    names = list(mapping("p0", p0, "be a mapping of names to numbers"))
+    checks.function("model", model, "model(**parameters)")
+    names = list(checks.mapping("p0", p0, "be a mapping of names to numbers"))
     start = _positive_array("p0", list(p0.values()))
     if not names:
-        refuse("p0", "hold a parameter at least", repr(p0))
+        checks.refuse("p0", "hold a parameter at least", repr(p0))
     limits = _limits({} if bounds is None else bounds, names, start)
 
     def made(p: np.ndarray) -> Model:
         found = model(**dict(zip(names, p.tolist(), strict=True)))
-        return instance("what model returns", found, Model, "a function that returns a Model")
+        return checks.instance(
+            "what model returns", found, Model, "a function that returns a Model"
+        )
 
     def residuals(p: np.ndarray) -> np.ndarray:
         with np.errstate(divide="ignore"):
@@ -476,7 +469,7 @@ def _fitted(
     first = residuals(start)
     if not np.all(np.isfinite(first)):
         got, remedy = f"0 from {made(start)!r}", "add an element that responds"
-        refuse("model", f"have {names_of_rows} above 0", got, remedy)
+        checks.refuse("model", f"have {names_of_rows} above 0", got, remedy)
     found = least_squares(residuals, start, bounds=tuple(limits), x_scale=start)
     sizes, at_bound = np.maximum(found.x, start), found.active_mask != 0
     covariance, _ = covariance_of(found, sizes, at_bound, True, names)
@@ -495,32 +488,32 @@ def _limits(
 ) -> np.ndarray:
     """Return lowest and highest values of all parameters, (2, n), with `start` between them."""
     required = "be a mapping of names to (lowest, highest)"
-    if set(mapping("bounds", bounds, required)) - set(names):
-        refuse("bounds", f"be of {', '.join(names)}", repr(bounds))
+    if set(checks.mapping("bounds", bounds, required)) - set(names):
+        checks.refuse("bounds", f"be of {', '.join(names)}", repr(bounds))
     found = np.tile([[0.0], [np.inf]], len(names))
     for name, pair in bounds.items():
         limits = np.asarray(pair)
         if limits.shape != (2,) or limits.dtype.kind not in "iuf" or not limits[0] < limits[1]:
-            refuse(f"bounds[{name!r}]", "be (lowest, highest)", repr(pair))
+            checks.refuse(f"bounds[{name!r}]", "be (lowest, highest)", repr(pair))
         found[:, names.index(name)] = limits
     if np.any(start < found[0]) or np.any(start > found[1]):
-        refuse("p0", "lie within the bounds", shown(start))
+        checks.refuse("p0", "lie within the bounds", checks.shown(start))
     return found
 
 
 def _complex_array(name: str, values: ArrayLike) -> np.ndarray:
     """Return values as an array of finite complex numbers."""
-    refuse_masked(name, values, "be finite complex numbers")
+    checks.refuse_masked(name, values, "be finite complex numbers")
     array = np.asarray(values)
     if array.dtype.kind not in "iufc" or not np.all(np.isfinite(array)):
         kind = ValueError if array.dtype.kind in "iufc" else TypeError
-        raise kind(complaint(name, "be finite complex numbers", reprlib.repr(values)))
+        raise kind(checks.complaint(name, "be finite complex numbers", reprlib.repr(values)))
     return array.astype(complex)
 
 
 def _positive_array(name: str, values: ArrayLike) -> np.ndarray:
     """Return values as an array of numbers above 0."""
-    array = real_array(name, values)
+    array = checks.real_array(name, values)
     if np.any(array <= 0):
-        refuse(name, "be above 0", shown(array))
+        checks.refuse(name, "be above 0", checks.shown(array))
     return array

@@ -10,16 +10,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..support.checks import refuse
+from . import special
 from .memory_kernel import ExponentialSum, MemoryKernel
-from .special import (
-    alternating_power_sum,
-    alternating_sum,
-    first_moment_exponential,
-    gauss_unit,
-    graded_unit,
-    mean_exponential,
-    power_second_differences,
-)
 
 # Terms after which an alternating sum of the weights is right to 1e-14.
 _ALTERNATING = 24
@@ -43,7 +35,7 @@ class PowerSteps:
 
     def differences(self, n: int) -> np.ndarray:
         """Return b_0, and then ``b_k - b_(k-1)`` for k < n."""
-        return power_second_differences(self.p, n)
+        return special.power_second_differences(self.p, n)
 
     def seen(self, theta: float, n: int) -> np.ndarray:
         """Return integrals over [k-1+theta, k+theta] for k < n; over [0, theta] for k = 0."""
@@ -58,7 +50,7 @@ class PowerSteps:
         # by Gauss's rule, because the closed form cancels for large k; the singularity is at least
         # 0.5 before the interval, where sixteen points leave an error of 3.7**-32
         moments = np.zeros(n)
-        v, weights = gauss_unit(16)
+        v, weights = special.gauss_unit(16)
         middle = np.arange(n - 1)[:, None] + theta + 0.5
         # the integrand minus its value in the middle, whose first moment is 0: so nothing cancels
         excess = np.expm1((self.p - 1) * np.log1p((v - 0.5) / middle))
@@ -71,7 +63,7 @@ class PowerSteps:
 
     def alternating(self) -> float:
         """Return ``sum_k (-1)**k b_k``."""
-        return float(alternating_power_sum(self.p))
+        return float(special.alternating_power_sum(self.p))
 
 
 @dataclass(frozen=True, eq=False)
@@ -87,7 +79,7 @@ class ExponentialSteps:
 
     def seen(self, theta: float, n: int) -> np.ndarray:
         """Return the integrals of `PowerSteps.seen`, valid from k = 1 on."""
-        return mean_exponential(self.rates)[:, None] * self.at(np.arange(n) - 1 + theta)
+        return special.mean_exponential(self.rates)[:, None] * self.at(np.arange(n) - 1 + theta)
 
     def differences(self, n: int) -> np.ndarray:
         """Return the differences of `PowerSteps.differences`, valid from k = 1 on."""
@@ -95,7 +87,8 @@ class ExponentialSteps:
 
     def moments(self, theta: float, n: int) -> np.ndarray:
         """Return the moments of `PowerSteps.moments`, valid from k = 1 on."""
-        middle = 0.5 * mean_exponential(self.rates) - first_moment_exponential(self.rates)
+        first = special.first_moment_exponential(self.rates)
+        middle = 0.5 * special.mean_exponential(self.rates) - first
         return middle[:, None] * self.at(np.arange(n) - 1 + theta)
 
     def last_moment(self) -> np.ndarray:
@@ -119,7 +112,7 @@ class Integrated:
 
     def integral(self, t: float | np.ndarray) -> np.ndarray:
         """Return ``int_0^t K``, by a rule whose panels shrink towards 0."""
-        u, weights = graded_unit(16)
+        u, weights = special.graded_unit(16)
         return t * (self.kernel.integral(np.multiply.outer(t, u)) @ weights)
 
     def closest_fit(self, t_min: float, t_max: float, tol: float) -> ExponentialSum:
@@ -168,16 +161,16 @@ class StepKernel:
         weights = np.empty(n)
         weights[0] = self.kernel.integral(theta * self.h) / self.h
         if n > 1:
-            u, gauss = gauss_unit(16)
+            u, gauss = special.gauss_unit(16)
             weights[1:] = self.at(np.arange(n - 1)[:, None] + theta + u) @ gauss
-            u, gauss = gauss_unit(32)
+            u, gauss = special.gauss_unit(32)
             weights[1] = self.at(theta + u) @ gauss
         return weights
 
     def alternating(self) -> float:
         """Return ``sum_k (-1)**k b_k``."""
         shares = self.shares(_ALTERNATING)
-        return float(shares[0] * alternating_sum(shares / shares[0]))
+        return float(shares[0] * special.alternating_sum(shares / shares[0]))
 
     def exponentials(self, n_steps: float, tol: float) -> ExponentialSum:
         """Fit a sum from one step to `n_steps` steps, to `tol` or as closely as possible."""

@@ -130,7 +130,7 @@ class DelayedStepper(ResumableStepper, JumpingStepper):
         times, taus = (np.concatenate(part) for part in zip(*seen, strict=True))
         times, order = np.unique(times, return_index=True)
         taus = taus[order]
-        _check_least(delay, times, taus, end - start)
+        _refuse_vanishing(delay, times, taus, end - start)
         ago = times - taus
         rounding = 8 * np.spacing(max(abs(end), abs(origin)) + taus.max())
         if (np.diff(ago) < -rounding).any() or not ago[0] < ago[-1]:
@@ -522,8 +522,8 @@ def _gain(system: System, delays: tuple[Delayed, ...]) -> float:
     return gain
 
 
-def _check_least(delay: Delayed, times: np.ndarray, taus: np.ndarray, span: float) -> None:
-    """Refuse a delay that touches 0; (n,) times and values."""
+def _refuse_vanishing(delay: Delayed, times: np.ndarray, taus: np.ndarray, span: float) -> None:
+    """Refuse a delay whose least value, searched next to the least of `taus` (n,), is about 0."""
     k = int(np.argmin(taus))
     before, after = max(k - 1, 0), min(k + 1, times.size - 1)
     if taus[k] > max(taus[before], taus[after]) - taus[k]:
@@ -531,11 +531,11 @@ def _check_least(delay: Delayed, times: np.ndarray, taus: np.ndarray, span: floa
     low, high = times[before], times[after]
     for _ in range(_HALVINGS_TO_LEAST_DELAY):
         thirds = low + (high - low) * np.array([1 / 3, 2 / 3])
-        near = delay.taus(thirds)
-        low, high = (low, thirds[1]) if near[0] < near[1] else (thirds[0], high)
-        if not near.min() > _LEAST_DELAY * span:
-            t = thirds[np.argmin(near)] + delay.past.origin
-            refuse("tau", "stay above 0", f"tau({t:.10g}) = {near.min():.1g}", TOUCHES)
+        at_thirds = delay.taus(thirds)
+        low, high = (low, thirds[1]) if at_thirds[0] < at_thirds[1] else (thirds[0], high)
+        if not at_thirds.min() > _LEAST_DELAY * span:
+            t = thirds[np.argmin(at_thirds)] + delay.past.origin
+            refuse("tau", "stay above 0", f"tau({t:.10g}) = {at_thirds.min():.1g}", TOUCHES)
 
 
 def _when(delay: Delayed, t: float, low: float, high: float) -> float:

@@ -197,20 +197,16 @@ class Hybrid:
         if max(last, before) <= 1.5 * h:
             if longest > _ACCUMULATION_STEPS * h:
                 return True
-            self._note_crowded(number)
+            if number not in self._crowded:  # acts at one given step after the other
+                self._crowded.add(number)
+                t += self._stepper.system.frame.start
+                warn(
+                    f"{self._name(number)} changes y at one step after the other from t = {t:g}, "
+                    "and acts once a step only; take more steps, or rtol",
+                    SolveWarning,
+                )
         shorter = last < _SHORTER * before and before <= _ACCUMULATION_RATIO * size
         return shorter or last <= _SINGLE_ACCUMULATION_RATIO * size
-
-    def _note_crowded(self, number: int) -> None:
-        """Warn once of an event that changes y at one given step after the other."""
-        if number not in self._crowded:
-            self._crowded.add(number)
-            t = self._stepper.t + self._stepper.system.frame.start
-            warn(
-                f"{self._name(number)} changes y at one step after the other from t = {t:g}, "
-                "and acts once a step only; take more steps, or rtol",
-                SolveWarning,
-            )
 
     def _change(self, change: Any) -> Ending | None:
         """Set y to the value of ``change(t, y)``; return the `Ending` if that fails."""

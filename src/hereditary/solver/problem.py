@@ -47,12 +47,6 @@ class Problem:
     switches: tuple[Callable, ...]
     changes: Mapping[float, Callable]
 
-    @property
-    def acts(self) -> bool:
-        """Whether y changes on the way, or the right-hand side has switches."""
-        changing = [getattr(event, "change", None) is not None for event in self.events]
-        return bool(self.switches or self.changes) or any(changing)
-
     def solved(
         self,
         scheme: Scheme,
@@ -69,7 +63,8 @@ class Problem:
         # late(stepper): called between parts of a run of `Collocation`, which ends where it is True
         began = time.perf_counter()
         system, hybrid, t_end = self.system, None, self.t_end - self.system.frame.start
-        if self.acts:
+        changing = any(getattr(event, "change", None) is not None for event in self.events)
+        if self.switches or self.changes or changing:
             hybrid = Hybrid(system, scheme, self.events, self.switches, self.changes)
             system = hybrid.system
         how = how_to_step(system, scheme, t_end, resume, history=history, **steps)

@@ -21,8 +21,9 @@ class ProgressBar:
 
     def __init__(self, shown: bool, stream: Any = None) -> None:
         self._stream = sys.stderr if stream is None else stream
+        # a notebook's kernel can rewrite a line too
         self._live = truth("progress", shown) and (
-            self._stream.isatty() or _in_notebook(self._stream)
+            self._stream.isatty() or type(self._stream).__module__.startswith("ipykernel.")
         )
         self._began = time.perf_counter()
         self._drawn = -1.0
@@ -62,11 +63,6 @@ class ProgressBar:
         if self._live and self._drawn >= 0:
             self._stream.write("\n")
             self._stream.flush()
-
-
-def _in_notebook(stream: Any) -> bool:
-    """Return whether a stream belongs to a notebook's kernel, which can rewrite a line."""
-    return type(stream).__module__.startswith("ipykernel.")
 
 
 def _clock(seconds: float) -> str:

@@ -12,12 +12,15 @@ import numpy as np
 from ..compiled.callbacks import PythonRaised, pass_on
 from ..compiled.jacobian import FEW
 from ..stepping.state import State
-from ..stepping.status import Ending, Status
+from ..stepping.status import Ending, SolveWarning, StabilityWarning, Status
 from ..stepping.stepper import Diagnostics, ResumableStepper, Stepper
+from ..support.warning import warn
 from .output import Output
 from .progress import Interruption, ProgressBar
-from .solution import Solution, warn_of
+from .solution import Solution
 
+# Statuses of runs that ended as the user wanted, without a warning.
+_QUIET = (Status.COMPLETED, Status.EVENT, Status.INTERRUPTED)
 # Largest size in bytes of a history for which a solution keeps its stepper and makes its state
 # later.
 _LITTLE = 100_000
@@ -152,6 +155,6 @@ def report(stepper: Stepper, ended: Ending, diagnostics: Diagnostics) -> str:
     unstable = diagnostics.instability is not None
     if unstable:
         message += f"; {diagnostics.remedy}"
-    if not isinstance(error, PythonRaised):
-        warn_of(status, message, unstable=unstable)
+    if not isinstance(error, PythonRaised) and (unstable or status not in _QUIET):
+        warn(message, StabilityWarning if unstable else SolveWarning)
     return message

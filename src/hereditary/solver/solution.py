@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 
 from ..stepping.dense import Dense, curve
 from ..stepping.state import State
-from ..stepping.status import SolveWarning, StabilityWarning, Status
+from ..stepping.status import Status
 from ..support.checks import one_of, refuse, shown
 from ..support.html import paragraph, small_figure, table_html
 from ..support.optional import optional
@@ -26,14 +26,6 @@ if TYPE_CHECKING:
 _SAVED_SOLUTION = "be a solution that Solution.save wrote"
 # Fields of a solution that `Solution.save` writes as arrays.
 _ARRAYS = "t", "y", "ydot", "components"
-# Statuses of runs that ended as the user wanted, without a warning.
-_QUIET = (Status.COMPLETED, Status.EVENT, Status.INTERRUPTED)
-
-
-def warn_of(status: Status, message: str, unstable: bool = False) -> None:
-    """Warn, at the user's line, of an instability or of an end that the user did not ask for."""
-    if unstable or status not in _QUIET:
-        warn(message, StabilityWarning if unstable else SolveWarning)
 
 
 @dataclass(frozen=True, eq=False)
@@ -269,16 +261,16 @@ class Solution:
         arrays = {name: getattr(self, name) for name in _ARRAYS}
         for k, (times, rows) in enumerate(zip(self.t_events, self.y_events, strict=True)):
             arrays |= {f"t_events_{k}": times, f"y_events_{k}": rows}
-        kept: dict[str, Any] = {"status": str(self.status), "message": self.message}
-        kept["stats"] = {name: _plain(value) for name, value in self.stats.items()}
+        text: dict[str, Any] = {"status": str(self.status), "message": self.message}
+        text["stats"] = {name: _plain(value) for name, value in self.stats.items()}
         if self.left is not _left_out and self.state is not None:
             of_state: dict[str, Any] = {}
             try:
-                kept["state"] = stored_state(self.state, of_state)
+                text["state"] = stored_state(self.state, of_state)
                 arrays |= of_state
             except TypeError as error:
                 warn(f"the file has no state: {error}; pickle the state instead", UserWarning)
-        write_result(path, arrays, kept)
+        write_result(path, arrays, text)
 
     @classmethod
     def load(cls, path: str | os.PathLike) -> Solution:
@@ -313,21 +305,21 @@ class Solution:
         return read_result(path, _SAVED_SOLUTION, cls._from_file)
 
     @classmethod
-    def _from_file(cls, arrays: dict[str, np.ndarray], kept: dict[str, Any]) -> Solution:
-        """Return a solution from the arrays and the plain values of a file."""
+    def _from_file(cls, arrays: dict[str, np.ndarray], text: dict[str, Any]) -> Solution:
+        """Return a solution from the arrays and the plain values, `text`, of a file."""
         n_events = sum(name.startswith("t_events_") for name in arrays)
         events = {
             name: [arrays.pop(f"{name}_{k}") for k in range(n_events)]
             for name in ("t_events", "y_events")
         }
-        of_state, state = take_arrays(arrays), kept.get("state")
+        of_state, state = take_arrays(arrays), text.get("state")
         statuses = {str(status): status for status in Status}
-        known = {"status": statuses[kept["status"]], "message": kept["message"], "ydot": None}
-        left = partial(state_from, state, of_state) if state else _left_out
-        known |= {"left": left, "stats": kept["stats"]}
+        values = {"status": statuses[text["status"]], "message": text["message"], "ydot": None}
+        state_or_refusal = partial(state_from, state, of_state) if state else _left_out
+        values |= {"left": state_or_refusal, "stats": text["stats"]}
         if not {"t", "y"} <= arrays.keys() <= {field.name for field in fields(cls)}:
             raise KeyError("t, y")
-        return cls(**(known | arrays | events))
+        return cls(**(values | arrays | events))
 
     def __repr__(self) -> str:
         rows = f"{self.t.size} rows of {self.y.shape[1]} components"

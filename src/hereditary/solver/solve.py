@@ -16,20 +16,7 @@ from ..given.steps import COUNTED, Graded
 from ..stepping.scheme import Scheme
 from ..stepping.state import State, check_sound
 from ..stepping.times import checked_breaks
-from ..support.checks import (
-    component_numbers,
-    count,
-    instance,
-    mapping,
-    positive,
-    real,
-    real_array,
-    refuse,
-    refusing,
-    shown,
-    truth,
-    whole,
-)
+from ..support import checks
 from .accuracy import Provenance
 from .elsewhere import OF_OTHERS
 from .opening import chooses_steps
@@ -40,7 +27,7 @@ from .solution import Solution
 CHANGES = "map times to functions change(t, y), e.g. {12.0: dose}"
 
 
-@refusing(
+@checks.refusing(
     OF_OTHERS
     | {"args": "pass params=", "dense_output": "sol(t) is the dense output of every solution"}
 )
@@ -238,21 +225,21 @@ def solve(
     >>> sol.t_events[0].round(4)
     array([1.7438, 4.9368, 8.2598])
     """
-    equation, allow_change = current_equation(equation), truth("allow_change", allow_change)
+    equation, allow_change = current_equation(equation), checks.truth("allow_change", allow_change)
     if params is not None:
         equation = equation.replace(params=params)
         allow_change = allow_change if resume is None else True
     start = equation.t_start
     t_last = run_end("t_end", t_end, start)
-    estimate = truth("estimate", estimate)
+    estimate = checks.truth("estimate", estimate)
     scheme = chosen_scheme(scheme, rtol, n_steps, mesh, resume)
     begin = _begin(resume, scheme, allow_change, start, t_last)
     kept = _kept(equation, save_every, evaluation_times(t_eval, begin, t_last), components)
     breaks = checked_breaks(() if breaks is None else breaks, start)
     if start != 0 and not isinstance(mesh, Graded | None):
-        mesh = real_array("mesh", mesh) - start
+        mesh = checks.real_array("mesh", mesh) - start
     functions, jumping = listed(events), listed(switches)
-    changes = {} if changes is None else mapping("changes", changes, CHANGES)
+    changes = {} if changes is None else checks.mapping("changes", changes, CHANGES)
     problem = Problem(equation.system, t_last, breaks, functions, jumping, changes)
     solved = problem.solved(
         scheme, kept, history=history, resume=resume, allow_change=allow_change, progress=progress,
@@ -273,23 +260,23 @@ def _begin(
     if resume is None:
         if allow_change:
             remedy = "it allows another right-hand side than the state's"
-            refuse("allow_change", "come with resume", allow_change, remedy)
+            checks.refuse("allow_change", "come with resume", allow_change, remedy)
         return start
-    instance("resume", resume, State, "the .state of an earlier Solution")
+    checks.instance("resume", resume, State, "the .state of an earlier Solution")
     if chooses_steps(resume.scheme) != chooses_steps(scheme):
         required = "come from a run by a tolerance if it goes on by one, or else on given steps"
-        refuse("resume", required, f"one with {resume.scheme!r} for {scheme!r}")
+        checks.refuse("resume", required, f"one with {resume.scheme!r} for {scheme!r}")
     check_sound(resume)
     if t_end - start <= resume.t:
-        refuse("t_end", f"exceed the state's time {start + resume.t}", t_end)
+        checks.refuse("t_end", f"exceed the state's time {start + resume.t}", t_end)
     return start + resume.t
 
 
 def _kept(equation: Equation, save_every: Any, times: np.ndarray | None, components: Any) -> Kept:
     """Check the arguments on output; return which rows and components the run keeps."""
-    save_every = min(count("save_every", whole(save_every)), COUNTED)
+    save_every = min(checks.count("save_every", checks.whole(save_every)), COUNTED)
     if save_every > 1 and times is not None:
-        refuse("save_every", "be left out if t_eval names the rows to keep", save_every)
+        checks.refuse("save_every", "be left out if t_eval names the rows to keep", save_every)
     return Kept(save_every, times, kept_components(equation, components))
 
 
@@ -298,8 +285,10 @@ def kept_components(equation: Equation, components: Any) -> np.ndarray | None:
     if components is None:
         return None
     if equation.system.frame.paired or equation.system.frame.speeds:
-        refuse("components", "be left out for complex y and orders above 2", shown(components))
-    return component_numbers(components, equation.d)
+        checks.refuse(
+            "components", "be left out for complex y and orders above 2", checks.shown(components)
+        )
+    return checks.component_numbers(components, equation.d)
 
 
 def listed(functions: Any) -> tuple:
@@ -313,17 +302,17 @@ def run_end(name: str, t_end: Any, start: float) -> float:
     span = isinstance(t_end, (list, tuple, np.ndarray))
     remedy = "hd.solve_ivp takes a span; here Equation(..., t_start=...) sets its start"
     if start == 0:
-        return positive(name, t_end, remedy if span else "")
-    number = real(name, t_end, remedy=remedy if span else "")
+        return checks.positive(name, t_end, remedy if span else "")
+    number = checks.real(name, t_end, remedy=remedy if span else "")
     if number <= start:
-        refuse(name, f"exceed t_start = {start:g}", number)
+        checks.refuse(name, f"exceed t_start = {start:g}", number)
     return number
 
 
 def chosen_scheme(scheme: Any, rtol: Any, n_steps: Any, mesh: Any, resume: Any) -> Scheme:
     """Return the given scheme, else that of the state, else the default for the other arguments."""
     if scheme is not None:
-        return instance("scheme", scheme, Scheme, "hereditary.ExplicitCaputo()")
+        return checks.instance("scheme", scheme, Scheme, "hereditary.ExplicitCaputo()")
     if isinstance(resume, State) and (rtol is None or chooses_steps(resume.scheme)):
         return resume.scheme
     by_steps = n_steps is not None or mesh is not None or resume is not None
@@ -340,12 +329,12 @@ def evaluation_times(t_eval: Any, t_start: float, t_end: float) -> np.ndarray | 
     """Check `t_eval` and return it as an array of times in the run; None if it is None."""
     if t_eval is None:
         return None
-    times = np.atleast_1d(real_array("t_eval", t_eval))
+    times = np.atleast_1d(checks.real_array("t_eval", t_eval))
     inside = f"be increasing times in [{t_start}, {t_end}]"
     if times.ndim != 1 or times.size == 0:
-        refuse("t_eval", inside, f"shape {times.shape}")
+        checks.refuse("t_eval", inside, f"shape {times.shape}")
     # times that the user computed may miss the ends of the run by rounding
     slack = 1e-12 * max(abs(t_start), abs(t_end))
     if (times[1:] <= times[:-1]).any() or times[0] < t_start - slack or times[-1] > t_end + slack:
-        refuse("t_eval", inside, shown(times))
+        checks.refuse("t_eval", inside, checks.shown(times))
     return np.minimum(np.maximum(times, t_start), t_end)
