@@ -95,7 +95,8 @@ def _by_tolerance() -> list[Callable[[], Any]]:
         hd.Equation(hd.Caputo(1.0) + swinging, lambda t, y: -y, 1.0),
     ]
     runs = [partial(hd.solve, equation, 1.0, rtol=1e-4) for equation in equations]
-    swing = hd.Equation([hd.Caputo(2.0), hd.Caputo(1.0)], _forced, [0.0, 0.0], params=[1.0])
+    force = [hd.Caputo(2.0), hd.Caputo(1.0)], lambda t, y, p: -y + np.cos(p[0] * t), [0.0, 0.0]
+    swing = hd.Equation(*force, params=[1.0])
     return [
         *runs,
         partial(hd.solve, one, 1.0, rtol=1e-4, switches=[_beyond]),
@@ -106,10 +107,6 @@ def _by_tolerance() -> list[Callable[[], Any]]:
 
 def _beyond(t: float, y: np.ndarray) -> float:
     return y[0] - 2.0
-
-
-def _forced(t: float, y: np.ndarray, params: np.ndarray) -> np.ndarray:
-    return -y + np.cos(params[0] * t)
 
 
 def _on_given_steps() -> list[Callable[[], Any]]:

@@ -13,7 +13,6 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..equation.equation import Equation
-from ..equation.system import System
 from ..solver.accuracy import no_estimates
 from ..solver.opening import chooses_steps
 from ..solver.progress import ProgressBar
@@ -478,26 +477,21 @@ def _changes(own: list[Equation], others: list[Equation]) -> list[dict[str, np.n
     found = []
     for one, other in zip(own, others, strict=True):
         before, after = one.system, other.system
-        if not _differ_in_data_alone(before, after):
+        if not (
+            [operator for operator, _ in before.left] == [operator for operator, _ in after.left]
+            and np.array_equal([c for _, c in before.left], [c for _, c in after.left])
+            and np.array_equal(before.sources, after.sources)
+            and before.functions.code == after.functions.code
+            and (before.frame, before.y0.shape) == (after.frame, after.y0.shape)
+            and before.params.size == after.params.size
+            and before.matrix is None is after.matrix
+        ):
             return []
         moved = (after.y0 - before.y0)[:, : before.n_solved]
         y0 = np.concatenate([moved[0], *moved[1:, before.above_one]])
         parts = {"params": after.params - before.params, "y0": y0}
         found.append({kind: by for kind, by in parts.items() if by.any()})
     return found
-
-
-def _differ_in_data_alone(one: System, other: System) -> bool:
-    """Return whether two systems differ in parameters and initial values alone."""
-    return (
-        [operator for operator, _ in one.left] == [operator for operator, _ in other.left]
-        and np.array_equal([c for _, c in one.left], [c for _, c in other.left])
-        and np.array_equal(one.sources, other.sources)
-        and one.functions.code == other.functions.code
-        and (one.frame, one.y0.shape) == (other.frame, other.y0.shape)
-        and one.params.size == other.params.size
-        and one.matrix is None is other.matrix
-    )
 
 
 def _between(t: np.ndarray) -> np.ndarray:

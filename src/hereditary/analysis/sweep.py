@@ -121,7 +121,10 @@ def sweep(
     """
     if not callable(function):
         refuse("function", "be callable", repr(function), kind=TypeError)
-    axes = _axes(grid)
+    if not isinstance(grid, Mapping) or not grid:
+        required = "be a mapping of axis names to values"
+        refuse("grid", required, repr(grid), 'pass e.g. {"b": [1.0, 2.0]}', kind=TypeError)
+    axes = {name: _axis(name, values) for name, values in grid.items()}
     if truth("carry", carry) and "state" in axes:
         refuse("grid", 'name no axis "state" with carry=True', ", ".join(axes))
     required, got = "have an axis for each argument of function", f"axes {', '.join(axes)}"
@@ -142,14 +145,6 @@ def sweep(
         if executor is None:
             pool.shutdown(wait=False, cancel_futures=True)
     return table_of(axes, points)
-
-
-def _axes(grid: Mapping[str, ArrayLike]) -> dict[str, np.ndarray]:
-    """Return the grid, checked, as one array for each axis."""
-    if not isinstance(grid, Mapping) or not grid:
-        required = "be a mapping of axis names to values"
-        refuse("grid", required, repr(grid), 'pass e.g. {"b": [1.0, 2.0]}', kind=TypeError)
-    return {name: _axis(name, values) for name, values in grid.items()}
 
 
 def _axis(name: Any, values: Any) -> np.ndarray:

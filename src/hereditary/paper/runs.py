@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from ..analysis.growth import LyapunovResult, assess
+from ..analysis.growth import assess
 from ..analysis.lyapunov import lyapunov, memory
 from ..analysis.sections import stroboscopic, values_at
 from ..collocation.method import Collocation
@@ -53,7 +53,14 @@ def growth_exponent(
     scheme = ExplicitCaputo() if rtol is None else Collocation()
     n_steps = n_steps if rtol is None else None
     equation = stick_slip(**parameters)
-    return _growth(lyapunov(equation, t_end, n_steps, scheme=scheme, rtol=rtol, **ALONE))
+    run = lyapunov(equation, t_end, n_steps, scheme=scheme, rtol=rtol, **ALONE)
+    return {
+        "exponent": float(run.exponents[0]),
+        "slope": float(run.slope[0]),
+        "slope_stderr": float(run.slope_stderr[0]),
+        "verdict": str(run.verdict),
+        "status": run.status,
+    }
 
 
 def exponents(*, horizons: Sequence[float], h: float, **parameters: Any) -> dict[str, Any]:
@@ -79,16 +86,6 @@ def exponents(*, horizons: Sequence[float], h: float, **parameters: Any) -> dict
         found["slope_stderr"].append(float(late.slope_stderr[0]))
         found["verdict"].append(str(late.verdicts[0]))
     return found | {"status": run.status}
-
-
-def _growth(run: LyapunovResult) -> dict[str, Any]:
-    return {
-        "exponent": float(run.exponents[0]),
-        "slope": float(run.slope[0]),
-        "slope_stderr": float(run.slope_stderr[0]),
-        "verdict": str(run.verdict),
-        "status": run.status,
-    }
 
 
 def orbit(
