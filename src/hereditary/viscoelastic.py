@@ -24,24 +24,10 @@ from .support import checks
 from .support.covariance import Estimates, covariance_of, estimates_of
 
 __all__ = [
-    "Combined",
-    "Model",
-    "ModelFit",
-    "ModuliFit",
-    "SpringPot",
-    "burgers",
-    "dashpot",
-    "fit_creep",
-    "fit_moduli",
-    "fit_relaxation",
-    "kelvin_voigt",
-    "maxwell",
-    "parallel",
-    "poynting_thomson",
-    "series",
-    "spring",
-    "zener",
-]
+    "Combined", "Model", "ModelFit", "ModuliFit", "SpringPot", "burgers", "dashpot", "fit_creep",
+    "fit_moduli", "fit_relaxation", "kelvin_voigt", "maxwell", "parallel", "poynting_thomson",
+    "series", "spring", "zener",
+]  # fmt: skip
 
 
 def __dir__() -> list[str]:

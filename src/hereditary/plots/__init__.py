@@ -17,18 +17,9 @@ from .lines import (
 from .tables import bifurcation, lyapunov_spectrum, regime_map
 
 __all__ = [
-    "STYLE",
-    "amplitude_and_phase",
-    "bifurcation",
-    "errors",
-    "fit",
-    "frequency_response",
-    "lyapunov_spectrum",
-    "oscillogram",
-    "phase_portrait",
-    "regime_map",
-    "velocity",
-]
+    "STYLE", "amplitude_and_phase", "bifurcation", "errors", "fit", "frequency_response",
+    "lyapunov_spectrum", "oscillogram", "phase_portrait", "regime_map", "velocity",
+]  # fmt: skip
 
 
 def __dir__() -> list[str]:

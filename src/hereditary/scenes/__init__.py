@@ -11,29 +11,11 @@ from .self_excited import fitzhugh_nagumo, van_der_pol_airy, van_der_pol_duffing
 from .stick_slip import PRINTED_WELL, stick_slip, sticking_intervals, well_coefficients
 
 __all__ = [
-    "PRINTED_WELL",
-    "Slips",
-    "brusselator",
-    "duffing",
-    "fitzhugh_nagumo",
-    "lorenz",
-    "mathieu",
-    "oscillator",
-    "rabinovich_fabrikant",
-    "relaxation",
-    "riccati",
-    "rossler",
-    "selkov",
-    "slips",
-    "stick_slip",
-    "stick_slip_chain",
-    "sticking_intervals",
-    "subdiffusion",
-    "van_der_pol",
-    "van_der_pol_airy",
-    "van_der_pol_duffing",
-    "well_coefficients",
-]
+    "PRINTED_WELL", "Slips", "brusselator", "duffing", "fitzhugh_nagumo", "lorenz", "mathieu",
+    "oscillator", "rabinovich_fabrikant", "relaxation", "riccati", "rossler", "selkov", "slips",
+    "stick_slip", "stick_slip_chain", "sticking_intervals", "subdiffusion", "van_der_pol",
+    "van_der_pol_airy", "van_der_pol_duffing", "well_coefficients",
+]  # fmt: skip
 
 
 def __dir__() -> list[str]:
