@@ -416,14 +416,10 @@ def _curve(response: str, made: Model, t: np.ndarray) -> list[np.ndarray]:
 
 
 def _fitted(
-    model: Callable[..., Model],
-    place: str,
-    places: ArrayLike,
-    measured: dict[str, ArrayLike],
-    responses: Callable[[Model, np.ndarray], Sequence[np.ndarray]],
-    p0: Mapping[str, float],
+    model: Callable[..., Model], place: str, places: ArrayLike, measured: dict[str, ArrayLike],
+    responses: Callable[[Model, np.ndarray], Sequence[np.ndarray]], p0: Mapping[str, float],
     bounds: Mapping[str, tuple[float, float]] | None,
-) -> ModelFit:
+) -> ModelFit:  # fmt: skip
     """Fit a model to its responses, k rows (n,), measured at frequencies or times (n,)."""
     from scipy.optimize import least_squares
 

@@ -311,13 +311,9 @@ class _Runs:
     """Runs of a model for sets of parameters, and their residuals, in units of the data."""
 
     def __init__(
-        self,
-        model: _Model,
-        series: list[Series],
-        observe: Callable | ArrayLike | None,
-        options: _RunOptions,
-        bar: ProgressBar,
-    ) -> None:
+        self, model: _Model, series: list[Series], observe: Callable | ArrayLike | None,
+        options: _RunOptions, bar: ProgressBar,
+    ) -> None:  # fmt: skip
         # unit: size of data without deviations, because the optimiser stops at absolute values;
         # count: number of sets of runs, which `bar` shows with the cost
         self.bar, self._model, self._options = bar, model, options

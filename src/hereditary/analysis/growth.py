@@ -42,10 +42,9 @@ def assess(
     times: np.ndarray, log_growth: np.ndarray, window: float, n_blocks: int, memory: str
 ) -> Growth:
     """Return slopes and verdicts over the last fraction `window` of the record."""
-    # times (n,), without the start of the record; log_growth (n, k); n_blocks: for the standard
-    # error. memory: whether "all", "none" or "some" components have a term of fractional order. If
-    # all have one, no solution decays exponentially for ever. So a decay in the window is
-    # algebraic: its tail is reached, or still to come.
+    # times (n,), without the start; log_growth (n, k); n_blocks: for the standard error; memory:
+    # whether "all", "none" or "some" components have a term of fractional order. If all have one,
+    # no solution decays exponentially for ever: its algebraic tail is reached, or still to come.
     k = log_growth.shape[1]
     unknown = np.full(k, np.nan)
     if times.size < 4:

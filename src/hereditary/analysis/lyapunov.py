@@ -411,15 +411,9 @@ def _run(equation: Equation, stepping: _Stepping, options: LyapunovOptions) -> L
 
 
 def _found(
-    stepper: TangentStepper,
-    equation: Equation,
-    flow: Divergence | None,
-    ended: Ending | None,
-    grown: np.ndarray,
-    settings: dict[str, Any],
-    n_blocks: int,
-    seconds: float,
-) -> LyapunovResult:
+    stepper: TangentStepper, equation: Equation, flow: Divergence | None, ended: Ending | None,
+    grown: np.ndarray, settings: dict[str, Any], n_blocks: int, seconds: float,
+) -> LyapunovResult:  # fmt: skip
     """Return the result of a run that has ended, from its renormalisations (n, 1 + k)."""
     ended = ended or Ending(reached_end(stepper.diagnostics))
     h, transient = settings["h"], settings["transient"]
@@ -506,13 +500,9 @@ def _distance(f: np.ndarray, other: np.ndarray, least: np.ndarray) -> float:
 
 
 def _grow(
-    stepper: TangentStepper,
-    schedule: Any,
-    h: float,
-    flow: Divergence | None,
-    states: list[_Moment],
-    progress: bool,
-) -> tuple[Ending | None, np.ndarray]:
+    stepper: TangentStepper, schedule: Any, h: float, flow: Divergence | None,
+    states: list[_Moment], progress: bool,
+) -> tuple[Ending | None, np.ndarray]:  # fmt: skip
     """March to the end, renormalise tangents meanwhile, and append some (t, y) to `states`."""
     # returns the `Ending` of a march that ended early, or None; the mark of each renormalisation,
     # and the logarithms of the growth since the one before, (n, 1 + k)

@@ -50,14 +50,9 @@ class RunDifferences:
     """Runs of an equation and of its neighbours, and their differences."""
 
     def __init__(
-        self,
-        equation: Equation,
-        t_last: float,
-        times: np.ndarray,
-        arguments: dict[str, Any],
-        bar: ProgressBar,
-        n_numbers: int,
-    ) -> None:
+        self, equation: Equation, t_last: float, times: np.ndarray, arguments: dict[str, Any],
+        bar: ProgressBar, n_numbers: int,
+    ) -> None:  # fmt: skip
         # t_last: the user's time; times (n,): of the rows; arguments: of `solve`; n_numbers: how
         # many derivatives are requested, for the bar; `change`: of a number, relative
         self._equation, self._t_last, self._times = equation, t_last, times

@@ -191,15 +191,9 @@ def _by_runs(runs: RunDifferences, kinds: tuple[str, ...], reason: str) -> Sensi
 
 
 def _by_tangents(
-    equation: Equation,
-    t_last: float,
-    times: np.ndarray,
-    kinds: tuple[str, ...],
-    arguments: dict[str, Any],
-    stepping: Any,
-    runs: RunDifferences,
-    bar: ProgressBar,
-) -> Sensitivities:
+    equation: Equation, t_last: float, times: np.ndarray, kinds: tuple[str, ...],
+    arguments: dict[str, Any], stepping: Any, runs: RunDifferences, bar: ProgressBar,
+) -> Sensitivities:  # fmt: skip
     """Return derivatives that are solved with the solution; those by orders from `runs`."""
     scheme, history = arguments["scheme"], arguments["history"]
     start, size = equation.t_start, equation.params.size if "params" in kinds else 0

@@ -178,13 +178,9 @@ def _rows(axes: dict[str, np.ndarray], size: int) -> Iterator[dict[int, dict[str
 
 
 def _run(
-    compute: Callable[..., list[Point]],
-    rows: Iterator[dict[int, dict[str, Any]]],
-    executor: Executor,
-    points: list[Point | None],
-    file: BinaryIO | None,
-    progress: bool,
-) -> None:
+    compute: Callable[..., list[Point]], rows: Iterator[dict[int, dict[str, Any]]],
+    executor: Executor, points: list[Point | None], file: BinaryIO | None, progress: bool,
+) -> None:  # fmt: skip
     """Submit rows of points, a bounded number at a time, and store their results."""
     finished: queue.SimpleQueue = queue.SimpleQueue()
     running: dict[Any, dict] = {}

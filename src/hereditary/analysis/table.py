@@ -133,8 +133,7 @@ class Table:
 
 def table_of(axes: dict[str, np.ndarray], points: list[Point | None]) -> Table:
     """Return the table of points, status and values or None, in the order of the grid."""
-    # Values are numbers, strings or nested lists of either, by name. Points whose values do not fit
-    # the first point of the grid have failed.
+    # numbers, strings or nested lists, by name; points fail if these do not fit the first point
     status = [NOT_COMPUTED if point is None else point[0] for point in points]
     values: dict[str, np.ndarray] = {}
     shape = tuple(axis.size for axis in axes.values())
@@ -147,8 +146,7 @@ def table_of(axes: dict[str, np.ndarray], points: list[Point | None]) -> Table:
 
 def _column(name: str, rows: dict[int, np.ndarray], status: list[str]) -> np.ndarray:
     """Return the values of one name at all points as one array; lengths may differ."""
-    # Values that do not fit the first point are left out, and `status` says that these points
-    # failed. An empty array fits all others.
+    # values that do not fit the first point fail, as `status` says; an empty array fits all others
     filled = [row for row in rows.values() if row.shape != (0,)] or list(rows.values())
     form = _form(filled[0])
     fitting = [row for row in filled if _form(row) == form]

@@ -221,15 +221,8 @@ class Equation:
             return None
         self.linear, self.jac_sparsity = copied(self.linear), copied(self.jac_sparsity)
         rearranged = len(initial.values) > 2 or matrices or initial.paired or bool(self.memory)
-        return jacobian_info(
-            initial.d,
-            self.rhs,
-            self.jac,
-            rearranged,
-            self.bandwidth,
-            self.jac_sparsity,
-            self.linear,
-        )
+        stated = self.bandwidth, self.jac_sparsity, self.linear
+        return jacobian_info(initial.d, self.rhs, self.jac, rearranged, *stated)
 
     def _assembled(
         self, info: JacobianInfo | None, initial: statement.Initial, start: Start

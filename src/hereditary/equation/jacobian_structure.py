@@ -33,13 +33,9 @@ class Structure:
     """Entries of a square Jacobian of n components, and the constant ones among their summands."""
 
     def __init__(
-        self,
-        n: int,
-        rows: np.ndarray,
-        columns: np.ndarray,
-        constants: np.ndarray | None = None,
+        self, n: int, rows: np.ndarray, columns: np.ndarray, constants: np.ndarray | None = None,
         places: np.ndarray | None = None,
-    ) -> None:
+    ) -> None:  # fmt: skip
         # rows, columns (k,) int64: places of the entries, each once, the diagonal among them;
         # constants (k,): summands that given Jacobians leave out, 0 by default; places (k,) int64:
         # position of each entry in the array of a given Jacobian, -1 for none, None for differences
@@ -49,13 +45,9 @@ class Structure:
 
     @classmethod
     def of(
-        cls,
-        n: int,
-        rows: np.ndarray,
-        columns: Any,
-        places: np.ndarray | None = None,
+        cls, n: int, rows: np.ndarray, columns: Any, places: np.ndarray | None = None,
         linear: Any = None,
-    ) -> Structure:
+    ) -> Structure:  # fmt: skip
         """Return the structure of these entries, of the diagonal and of a SciPy matrix `linear`."""
         found = [(rows, columns), (np.arange(n), np.arange(n))]
         if linear is not None:
@@ -210,14 +202,9 @@ def copied(given: Any) -> Any:
 
 
 def jacobian_info(
-    d: int,
-    rhs: Callable | None,
-    jac: Callable | None,
-    rearranged: bool,
-    bandwidth: Any = None,
-    jac_sparsity: Any = None,
-    linear: Any = None,
-) -> JacobianInfo:
+    d: int, rhs: Callable | None, jac: Callable | None, rearranged: bool, bandwidth: Any = None,
+    jac_sparsity: Any = None, linear: Any = None,
+) -> JacobianInfo:  # fmt: skip
     """Check what an equation of d components states of its Jacobian, and return it."""
     # rearranged: whether the system that is solved has other components than y
     given = {"bandwidth": bandwidth, "jac_sparsity": jac_sparsity, "linear": linear}

@@ -217,8 +217,7 @@ def _without_unread(system: System, left: Sequence[SystemTerm], factors: np.ndar
 
 def _check_below(operator: Operator, read: np.ndarray, system: System) -> None:
     """Refuse memory of an order that is not below the highest order of its components."""
-    # read (d,): which components the memory has; for algebraic ones the order may be any for which
-    # y0 has the initial values
+    # read (d,): which components it has; algebraic ones may have any order with values in y0
     bare = system.algebraic
     if operator.derivative > system.m and np.any(read & bare) and operator.constant:
         remedy = f"add 0 * Caputo({operator.order:g}) to the terms, and y'(0) to y0"

@@ -196,9 +196,8 @@ def _one_kernel(
 
 def _slow_cut(a: float, h: float, tol: float) -> tuple[int, float]:
     """Choose the size m of the slow Gauss rule, which replaces rates up to kappa/R, and kappa."""
-    # The relative error of the m-point rule for t <= R is at most a h/(1-exp(-a h))
-    # kappa**a/Gamma(a+1) 4 (kappa/4)**(2m)/(2m)!. Each kappa saves log(kappa)/h grid rates at the
-    # cost of m nodes.
+    # The relative error of the m-point rule for t <= R is at most a h/(1-exp(-a h)) kappa**a
+    # / Gamma(a+1) 4 (kappa/4)**(2m)/(2m)!. A kappa saves log(kappa)/h grid rates for m nodes.
     of_mass = math.log(_SLOW_CUT_FRACTION * tol / 4) + math.log(-math.expm1(-a * h) / (a * h))
     of_mass += math.lgamma(a + 1)
     log_kappa = (of_mass + _OF_SLOW_RULES) / (a + 2 * _SLOW_RULES)
@@ -230,8 +229,7 @@ def _trim(
     exponents: tuple[float, ...], ratio: float, goal: float, found: _Grid
 ) -> tuple[np.ndarray, np.ndarray, float]:
     """Drop the fastest rates while errors are below `goal`; return rates, weights and error."""
-    # logarithms of check times are multiples of the grid's: their products with rates have few
-    # values
+    # log(t) is a multiple of a fraction of the grid, so that t times rate has few values
     slow, h, first, weights = found
     n_slow, n = slow.size, weights.shape[1]
     finer = max(0, math.ceil(math.log2(_FEWEST_POINTS * h / (_DIVISIONS * math.log(ratio)))))

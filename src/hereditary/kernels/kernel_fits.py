@@ -270,14 +270,9 @@ def _refinement(
 
 
 def _merged(
-    samples: Samples,
-    fitted: Samples,
-    tol: float,
-    norm: Callable[[np.ndarray], float],
-    work: float,
-    rates: np.ndarray,
-    weights: np.ndarray,
-) -> tuple[np.ndarray, np.ndarray]:
+    samples: Samples, fitted: Samples, tol: float, norm: Callable[[np.ndarray], float], work: float,
+    rates: np.ndarray, weights: np.ndarray,
+) -> tuple[np.ndarray, np.ndarray]:  # fmt: skip
     """Return fewer rates: the closest pairs become their means while the error stays below tol."""
     # the work is at most `work`, in rows times columns squared
     while rates.size > 1 and work > 0:
@@ -313,14 +308,9 @@ def _scaled(rates: np.ndarray, weights: np.ndarray, unit: float) -> tuple[np.nda
 
 
 def closest_table(
-    times: np.ndarray,
-    values: np.ndarray,
-    t_min: float,
-    t_max: float,
-    tol: float,
-    by_rms: bool,
+    times: np.ndarray, values: np.ndarray, t_min: float, t_max: float, tol: float, by_rms: bool,
     fading: bool = False,
-) -> Fit:
+) -> Fit:  # fmt: skip
     """Fit measured values by positive weights until the rms, or the largest, error is `tol`."""
     samples = Samples(times / times[0], values, values)
     norm = root_mean_square if by_rms else _largest

@@ -38,8 +38,8 @@ def hurwitz_zeta(s: float, q: float) -> float:
 
 def power_second_differences(p: float | np.ndarray, n: int) -> np.ndarray:
     """Return 1 and then ``b_k - b_(k-1)`` for k = 1..n-1, with b_k of `power_differences`."""
-    # p (k, 1) gives (k, n). The difference of three powers loses all digits near k = 1e8. Beyond k
-    # = 16 it is k**p * 2 * sum_m binom(p, 2m) k**-2m instead, to 1e-14. Its eight terms reach
+    # p (k, 1) gives (k, n). The difference of three powers loses all digits near k = 1e8. Beyond
+    # k = 16 it is k**p * 2 * sum_m binom(p, 2m) k**-2m instead, to 1e-14. Its eight terms reach
     # 17**-16 = 2e-20, as four do beyond k = 128.
     c = np.ones((*np.shape(p)[:-1], n))
     few = min(n, 17)

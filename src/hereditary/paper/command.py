@@ -20,23 +20,12 @@ from . import figures, maps
 from .job import Job
 
 FIGURES: dict[str, Callable[[Job], list[str]]] = {
-    "1": figures.figure_1,
-    "2": figures.figure_2,
-    "3": figures.figure_3,
-    "4": figures.figure_4,
-    "5": figures.figure_5,
-    "6": figures.figure_6,
-    "7": figures.figure_7,
-    "8": figures.figure_8,
-    "b": maps.bifurcation_b,
-    "c": maps.bifurcation_c,
-    "lambda": maps.bifurcation_lambda,
-    "beta": maps.bifurcation_beta,
-    "gamma": maps.bifurcation_gamma,
-    "b-c": maps.regimes_b_c,
-    "lambda-c": maps.regimes_lambda_c,
-    "beta-gamma": maps.regimes_beta_gamma,
-}
+    "1": figures.figure_1, "2": figures.figure_2, "3": figures.figure_3, "4": figures.figure_4,
+    "5": figures.figure_5, "6": figures.figure_6, "7": figures.figure_7, "8": figures.figure_8,
+    "b": maps.bifurcation_b, "c": maps.bifurcation_c, "lambda": maps.bifurcation_lambda,
+    "beta": maps.bifurcation_beta, "gamma": maps.bifurcation_gamma, "b-c": maps.regimes_b_c,
+    "lambda-c": maps.regimes_lambda_c, "beta-gamma": maps.regimes_beta_gamma,
+}  # fmt: skip
 
 
 def run_paper(argv: Sequence[str]) -> int:

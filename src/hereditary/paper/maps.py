@@ -96,13 +96,9 @@ def regimes_beta_gamma(job: Job) -> list[str]:
 
 
 def _diagram(
-    job: Job,
-    name: str,
-    axis: str,
-    values: np.ndarray,
-    panels: Mapping[str, Mapping[str, Any]],
+    job: Job, name: str, axis: str, values: np.ndarray, panels: Mapping[str, Mapping[str, Any]],
     n_steps: int | None = None,
-) -> list[str]:
+) -> list[str]:  # fmt: skip
     """Draw positions in the well, sampled once a period, one panel above the other."""
     grid = {axis: job.few(values, 4)}
     t_end, count = job.size(T_DIAGRAM, 60.0), job.size(N_SAMPLES, 20)

@@ -488,8 +488,7 @@ class DelayedStepper(ResumableStepper, JumpingStepper):
 
 def _gain(system: System, delays: tuple[Delayed, ...]) -> float:
     """Return by how much the exponent of a kink is larger one delay later."""
-    # the lowest order of a derivative; 0 if an algebraic row reads a delayed algebraic component,
-    # which is as smooth as the kink
+    # the lowest order; 0 if an algebraic row reads a delayed algebraic one, as smooth as the kink
     d = system.n_solved
     orders = system.highest_orders()[:d]
     gain, rows = (
@@ -554,13 +553,9 @@ def _when(delay: Delayed, t: float, low: float, high: float) -> float:
 
 
 def _kinks(
-    delays: tuple[Delayed, ...],
-    roots: Iterable[tuple[float, float]],
-    gain: float,
-    smooth: float,
-    t_end: float,
-    origin: float,
-) -> list[float]:
+    delays: tuple[Delayed, ...], roots: Iterable[tuple[float, float]], gain: float, smooth: float,
+    t_end: float, origin: float,
+) -> list[float]:  # fmt: skip
     """Return times of kinks of f before `t_end`: of the roots, and of those that read a kink."""
     # Roots are pairs of a time and of the exponent of the first power of t there, 0 for a jump. One
     # delay later the exponent is larger by `gain`. From the exponent `smooth` on they are no kinks.

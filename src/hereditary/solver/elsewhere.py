@@ -49,8 +49,7 @@ OF_OTHERS = {
 
 def lacking(default: str = "", **instead: str) -> Callable[[Callable[_P, _R]], Callable[_P, _R]]:
     """Return a decorator that refuses keywords that a function has no argument for."""
-    # A message says what to do `instead`, or else, for an argument of `solve`, the `default` or the
-    # entry of `OF_SOLVE`.
+    # a message says what to do `instead`, or, of an argument of `solve`, `default` or `OF_SOLVE`
     others = {} if default else OF_OTHERS
     remedies = {name: default or remedy for name, remedy in OF_SOLVE.items()}
     return refusing(others | remedies | instead)

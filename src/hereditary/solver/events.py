@@ -29,12 +29,9 @@ class Events:
     over = interrupted = False  # a terminal event ended the run; continue with a changed y or f
 
     def __init__(
-        self,
-        functions: Iterable[Callable],
-        stepper: Stepper,
-        signs: dict[str, float],
+        self, functions: Iterable[Callable], stepper: Stepper, signs: dict[str, float],
         n_events: int | None = None,
-    ) -> None:
+    ) -> None:  # fmt: skip
         # signs: those of the run that is resumed; the solution has the first n_events only
         self._functions, self._on_given_steps = list(functions), stepper.on_given_steps
         self._looks = 1 if stepper.on_given_steps else _EVENT_CHECKS_PER_STEP

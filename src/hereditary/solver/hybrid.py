@@ -75,13 +75,9 @@ class Hybrid:
     """The interruptions of a run, and their effects; its `system` sees one side of each switch."""
 
     def __init__(
-        self,
-        system: System,
-        scheme: Scheme,
-        events: Sequence[Callable],
-        switches: Sequence[Callable],
-        changes: Mapping[float, Callable],
-    ) -> None:
+        self, system: System, scheme: Scheme, events: Sequence[Callable],
+        switches: Sequence[Callable], changes: Mapping[float, Callable],
+    ) -> None:  # fmt: skip
         self._functions = events
         self._changes = [getattr(function, "change", None) for function in events]
         for change in self._changes:
@@ -252,17 +248,11 @@ class HybridEvents(Events):
     any = True
 
     def __init__(
-        self,
-        functions: Sequence[Callable],
-        acting: Sequence[bool],
-        n_events: int,
-        stepper: JumpingStepper,
-        signs: dict[str, float],
-        known: np.ndarray,
-    ) -> None:
+        self, functions: Sequence[Callable], acting: Sequence[bool], n_events: int,
+        stepper: JumpingStepper, signs: dict[str, float], known: np.ndarray,
+    ) -> None:  # fmt: skip
         # functions: events, then switches; acting: which of them interrupt the march; known (k,):
-        # times at which the run stops in any case; `sides`: the sign of each switch with which the
-        # march continues
+        # times at which the run stops in any case; sides: signs of switches after the present time
         self._acting, self._start = acting, stepper.t
         self._known, self._origin = known, stepper.system.frame.start
         self._stop_at, self.next_change = stepper.stop_at, math.inf

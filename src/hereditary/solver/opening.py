@@ -24,14 +24,9 @@ def chooses_steps(scheme: Scheme) -> bool:
 
 
 def how_to_step(
-    system: System,
-    scheme: Scheme,
-    t_end: float,
-    state: State | None = None,
-    *,
-    history: History | None = None,
-    **how: Any,
-) -> Any:
+    system: System, scheme: Scheme, t_end: float, state: State | None = None, *,
+    history: History | None = None, **how: Any,
+) -> Any:  # fmt: skip
     """Return how a run steps: `UniformSteps`, `MeshSteps` or a `Tolerance`."""
     # t_end counts from the start; a state's steps, or its tolerances unless others are given, are
     # kept; how: arguments of `solve`, with mesh=False if the calling function has no such argument
@@ -46,15 +41,9 @@ def how_to_step(
 
 
 def open_stepper(
-    system: System,
-    scheme: Scheme,
-    history: History | None,
-    how: Any,
-    t_end: float,
-    state: State | None = None,
-    allow_change: bool = False,
-    directions: np.ndarray | None = None,
-) -> tuple[Any, Any]:
+    system: System, scheme: Scheme, history: History | None, how: Any, t_end: float,
+    state: State | None = None, allow_change: bool = False, directions: np.ndarray | None = None,
+) -> tuple[Any, Any]:  # fmt: skip
     """Return a stepper at the start of a run, or at its `state`, and the position of its end."""
     # how: from `how_to_step`; t_end: from the start; directions: initial ones of tangents
     if system.delays or system.switches:  # which have arrays that change during a march
@@ -68,14 +57,9 @@ def open_stepper(
 
 
 def _open_delayed(
-    system: System,
-    scheme: Scheme,
-    history: History | None,
-    how: Any,
-    t_end: float,
-    state: State | None,
-    allow_change: bool,
-) -> tuple[Any, Any]:
+    system: System, scheme: Scheme, history: History | None, how: Any, t_end: float,
+    state: State | None, allow_change: bool,
+) -> tuple[Any, Any]:  # fmt: skip
     """Return a stepper that fills tables of delayed values, and the position of the run's end."""
     delays, system = system.delays, replace(system, delays=())
     own = state and replace(state, checkpoint=state.checkpoint[0])

@@ -171,8 +171,7 @@ def to_polynomials(values: np.ndarray, rest: np.ndarray | None) -> np.ndarray:
 
 def _brackets(fit: _Fit, short: float) -> np.ndarray:
     """Return the indices (k,) of the intervals in which the function jumps or has a corner."""
-    # of each group of intervals below the length `short`, but for those at the ends of the time,
-    # the one with the largest difference
+    # the one with the largest difference of each inner group of intervals below the length `short`
     length = fit.high - fit.low
     inside = (fit.low > fit.low[0] + short) & (fit.high < fit.high[-1] - short)
     which = np.flatnonzero((length <= short) & inside)

@@ -48,17 +48,10 @@ class Problem:
     changes: Mapping[float, Callable]
 
     def solved(
-        self,
-        scheme: Scheme,
-        kept: Kept,
-        *,
-        history: History | None = None,
-        resume: State | None = None,
-        allow_change: bool = False,
-        progress: bool = False,
-        late: Callable[[ResumableStepper], bool] | None = None,
-        **steps: Any,
-    ) -> Outcome:
+        self, scheme: Scheme, kept: Kept, *, history: History | None = None,
+        resume: State | None = None, allow_change: bool = False, progress: bool = False,
+        late: Callable[[ResumableStepper], bool] | None = None, **steps: Any,
+    ) -> Outcome:  # fmt: skip
         """Solve the problem by a scheme, from the start or from a state."""
         # late(stepper): called between parts of a run of `Collocation`, which ends where it is True
         began = time.perf_counter()

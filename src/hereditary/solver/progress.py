@@ -78,9 +78,8 @@ class Interruption:
 
     def __init__(self, max_asked: int = 1) -> None:
         # A run looks at `asked` between batches of steps, and sets `heeded` when it stops. After
-        # `max_asked` times the next Ctrl-C raises at once. A Ctrl-C that is not heeded raises at
-        # the end of the context. The KeyboardInterrupt has `result` as its attribute. Only the main
-        # thread gets signals.
+        # `max_asked` times the next Ctrl-C raises at once, one that is not heeded at the end of the
+        # context. A KeyboardInterrupt gets `result`. Only the main thread gets signals.
         self.asked, self.heeded, self._max_asked = 0, False, max_asked
         self._previous: Any = None
 

@@ -30,15 +30,10 @@ class Drive:
     """Marches a stepper to given positions, and reports how the run ends if it stops earlier."""
 
     def __init__(
-        self,
-        march: Stepper,
-        end: float,
-        advance: Callable[[Any], Ending | None],
-        interruption: Interruption,
-        bar: ProgressBar,
-    ) -> None:
-        # end: position of the end of the whole run; advance(stop): marches a part of the way, and
-        # returns None or the `Ending` of the run
+        self, march: Stepper, end: float, advance: Callable[[Any], Ending | None],
+        interruption: Interruption, bar: ProgressBar,
+    ) -> None:  # fmt: skip
+        # end: of the whole run; advance(stop): marches a part of the way, returns None or `Ending`
         self._march, self._first, self._end = march, march.position, end
         self._advance, self._interruption, self._bar = advance, interruption, bar
 
@@ -57,15 +52,10 @@ class Drive:
 
 
 def run(
-    stepper: ResumableStepper,
-    stop: float,
-    t_end: float,
-    output: Output,
-    progress: bool,
-    began: float,
-    march: Callable[[Drive, Any], Ending | None] = Drive.to,
+    stepper: ResumableStepper, stop: float, t_end: float, output: Output, progress: bool,
+    began: float, march: Callable[[Drive, Any], Ending | None] = Drive.to,
     late: Callable[[ResumableStepper], bool] | None = None,
-) -> Solution:
+) -> Solution:  # fmt: skip
     """March to position `stop`, the user's time `t_end`, and return the `Solution` up to there."""
     # began: time.perf_counter() when the preparation began; march(drive, stop): marches to `stop`;
     # late(stepper): the run ends where it is True after a part

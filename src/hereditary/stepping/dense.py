@@ -125,13 +125,9 @@ class StepPieces(Piece):
     coarse = False
 
     def __init__(
-        self,
-        times: np.ndarray,
-        rows: np.ndarray,
-        slopes: np.ndarray,
-        starting: Any = None,
+        self, times: np.ndarray, rows: np.ndarray, slopes: np.ndarray, starting: Any = None,
         n: int = 0,
-    ) -> None:
+    ) -> None:  # fmt: skip
         # times (k+1,): of all ends [time]; rows, slopes (k+1, d); starting: the solution inside the
         # first two steps of a run, if it is known; n: number of steps before
         self.times, self.rows, self.slopes = times, rows, slopes

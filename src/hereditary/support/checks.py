@@ -131,13 +131,9 @@ def count(
 
 
 def one_of(
-    argument: str,
-    value: Any,
-    options: Iterable[Any],
-    required: str,
-    remedy: str = "",
+    argument: str, value: Any, options: Iterable[Any], required: str, remedy: str = "",
     kind: type[Exception] = ValueError,
-) -> Any:
+) -> Any:  # fmt: skip
     """Return the option that `value` is or equals, or refuse it; an array equals no option."""
     for option in options:
         if value is option or (np.isscalar(value) and value == option):
