@@ -293,13 +293,13 @@ def lyapunov(
     unknown = set(result.verdicts) == {Verdict.UNDETERMINED}
     if unknown and (verify is None or _TANGENTS_MISS_JUMPS in result.message):
         return result
-    other, how = _another(equation, scheme, result, bool(verify), np.size(breaks) > 0)
+    other, difference = _another(equation, scheme, result, bool(verify), np.size(breaks) > 0)
     try:
         with silence():
             check, reason = _run(equation, other, options), ""
     except ValueError as error:  # a step that its scheme does not take
         check, reason = None, f"there is no run to compare with: {error}"
-    return _compared(result, check, how, reason)
+    return _compared(result, check, difference, reason)
 
 
 def _another(
@@ -312,18 +312,18 @@ def _another(
         finer = finer or found["rtol"] > _LOOSEST
         factor = 0.1 if finer else 10.0
         atol = None if found["atol"] is None else factor * np.asarray(found["atol"])
-        how = "a tenth of the tolerance" if finer else "ten times the tolerance"
-        return _Stepping(found["t_end"], n, scheme, factor * found["rtol"], atol), how
+        difference = "a tenth of the tolerance" if finer else "ten times the tolerance"
+        return _Stepping(found["t_end"], n, scheme, factor * found["rtol"], atol), difference
     halved = finer or broken
     n, h = (2 * n, found["h"] / 2) if halved else (n // 2, 2 * found["h"])
     other = scheme if finer else _checking_scheme(scheme, equation)
-    how = "half the step" if halved else "twice the step"
-    how += "" if other == scheme else f" and {other!r}"
-    return _Stepping(equation.t_start + n * h, n, other), how
+    difference = "half the step" if halved else "twice the step"
+    difference += "" if other == scheme else f" and {other!r}"
+    return _Stepping(equation.t_start + n * h, n, other), difference
 
 
 def _compared(
-    result: LyapunovResult, check: LyapunovResult | None, how: str, reason: str
+    result: LyapunovResult, check: LyapunovResult | None, difference: str, reason: str
 ) -> LyapunovResult:
     """Return the result with its second run, or with the `reason` why there is none."""
     # verdicts that differ become "undetermined"
@@ -338,7 +338,7 @@ def _compared(
         number = next(i for i, (one, _) in enumerate(pairs) if one != verdicts[i])
         one, other = map(str, pairs[number])
         reason = f"verdict {number + 1} is {other!r} instead of {one!r}: take smaller steps"
-    message = f"{result.message}; with {how} {reason}"
+    message = f"{result.message}; with {difference} {reason}"
     result = replace(result, verdicts=verdicts, verdict=verdicts[0], message=message)
     return replace(result, verified=False, check=check)
 
@@ -380,7 +380,7 @@ def _run(equation: Equation, stepping: _Stepping, options: LyapunovOptions) -> L
     norm = _norm(system, t_end) if chooses_steps(scheme) else 1.0
     directions = _directions(options.directions, int(options.seed), k, most, norm)
 
-    opened = partial(open_stepper, scheme=scheme, history=history, how=steps, t_end=t_end)
+    opened = partial(open_stepper, scheme=scheme, history=history, policy=steps, t_end=t_end)
     if mode == "pair":
         stepper = Pairs(lambda system: opened(system)[0], system, directions, separation)
     else:

@@ -227,10 +227,10 @@ class Provenance:
         late = _Patience(seconds)
         try:
             with silence():
-                how: Any = {"rtol": _RTOL, "max_steps": most, "late": late}
+                options: Any = {"rtol": _RTOL, "max_steps": most, "late": late}
                 # an event may have ended the run; another run may resume it
                 horizon = self.problem.t_end - self.problem.system.frame.start
-                found = self._accurate(solution, Collocation(horizon=horizon), **how)
+                found = self._accurate(solution, Collocation(horizon=horizon), **options)
             asked = found.solution.status is Status.INTERRUPTED and not late.over
             return f"Ctrl-C ended {_ACCURATE}" if asked else found
         except Exception as error:  # of arguments that Collocation refuses, or of user's functions
@@ -295,8 +295,8 @@ class Provenance:
         state = None if self.resume is None else self.resume.accurate
         if state is not None:
             t = t[t >= state.t + problem.system.frame.start]
-        how: Any = {"resume": state, "allow_change": self.allow_change, "late": late}
-        found = problem.solved(scheme, Kept(1, t, self.components), **how, **steps)
+        options: Any = {"resume": state, "allow_change": self.allow_change, "late": late}
+        found = problem.solved(scheme, Kept(1, t, self.components), **options, **steps)
         if found.solution.status is Status.INTERRUPTED and not (late and late.over):
             signal.raise_signal(signal.SIGINT)  # a loop of runs ends here
         return found

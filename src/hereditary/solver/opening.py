@@ -25,46 +25,46 @@ def chooses_steps(scheme: Scheme) -> bool:
 
 def how_to_step(
     system: System, scheme: Scheme, t_end: float, state: State | None = None, *,
-    history: History | None = None, **how: Any,
+    history: History | None = None, **steps: Any,
 ) -> Any:  # fmt: skip
     """Return how a run steps: `UniformSteps`, `MeshSteps` or a `Tolerance`."""
     # t_end counts from the start; a state's steps, or its tolerances unless others are given, are
-    # kept; how: arguments of `solve`, with mesh=False if the calling function has no such argument
+    # kept; steps: arguments of `solve`, with mesh=False if the caller has no such argument
     if history is not None:
         instance("history", history, History, "hereditary.SumOfExponentials()")
     if not chooses_steps(scheme):
-        return given_steps(system, scheme, t_end, state, **how)
+        return given_steps(system, scheme, t_end, state, **steps)
     if not isinstance(history, SumOfExponentials | None):
         required = "be left out with Collocation, or be SumOfExponentials(tol)"
         refuse("history", required, repr(history))
-    return checked_tolerance(system, t_end, state, modes=history and history.tol, **how)
+    return checked_tolerance(system, t_end, state, modes=history and history.tol, **steps)
 
 
 def open_stepper(
-    system: System, scheme: Scheme, history: History | None, how: Any, t_end: float,
+    system: System, scheme: Scheme, history: History | None, policy: Any, t_end: float,
     state: State | None = None, allow_change: bool = False, directions: np.ndarray | None = None,
 ) -> tuple[Any, Any]:  # fmt: skip
     """Return a stepper at the start of a run, or at its `state`, and the position of its end."""
-    # how: from `how_to_step`; t_end: from the start; directions: initial ones of tangents
+    # policy: from `how_to_step`; t_end: from the start; directions: initial ones of tangents
     if system.delays or system.switches:  # which have arrays that change during a march
         functions = system.functions.for_a_march(room_of(system.n_solved))
         system = replace(system, functions=functions)
     if system.delays:
-        return _open_delayed(system, scheme, history, how, t_end, state, allow_change)
+        return _open_delayed(system, scheme, history, policy, t_end, state, allow_change)
     if chooses_steps(scheme):
-        return open_adaptive(system, scheme, how, t_end, state, allow_change, directions)
-    return open_given(system, scheme, history, how, state, allow_change, directions)
+        return open_adaptive(system, scheme, policy, t_end, state, allow_change, directions)
+    return open_given(system, scheme, history, policy, state, allow_change, directions)
 
 
 def _open_delayed(
-    system: System, scheme: Scheme, history: History | None, how: Any, t_end: float,
+    system: System, scheme: Scheme, history: History | None, policy: Any, t_end: float,
     state: State | None, allow_change: bool,
 ) -> tuple[Any, Any]:  # fmt: skip
     """Return a stepper that fills tables of delayed values, and the position of the run's end."""
     delays, system = system.delays, replace(system, delays=())
     own = state and replace(state, checkpoint=state.checkpoint[0])
-    inner, last = open_stepper(system, scheme, history, how, t_end, own, allow_change)
-    rtol = how.rtol if chooses_steps(scheme) else None
+    inner, last = open_stepper(system, scheme, history, policy, t_end, own, allow_change)
+    rtol = policy.rtol if chooses_steps(scheme) else None
     stepper = DelayedStepper(inner, delays, t_end, rtol)
     if state is not None:
         stepper.remember(state.checkpoint[1])

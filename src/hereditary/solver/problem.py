@@ -60,8 +60,8 @@ class Problem:
         if self.switches or self.changes or changing:
             hybrid = Hybrid(system, scheme, self.events, self.switches, self.changes)
             system = hybrid.system
-        how = how_to_step(system, scheme, t_end, resume, history=history, **steps)
-        stepper, stop = open_stepper(system, scheme, history, how, t_end, resume, allow_change)
+        policy = how_to_step(system, scheme, t_end, resume, history=history, **steps)
+        stepper, stop = open_stepper(system, scheme, history, policy, t_end, resume, allow_change)
         if late is not None:
             stepper.limit_rows(max(_LEAST_ROWS, _VALUES_BETWEEN_LOOKS // system.d))
         stepper.set_breaks(self.breaks, t_end)
