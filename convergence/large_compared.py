@@ -8,8 +8,6 @@
   which need no derivative, against Newton's method.
 * Modes of 10^5 components are read and advanced in 3 to 4 times the time that their bytes take to
   be copied.
-* Watching the Jacobian of 1,000 components takes explicit and `Adams` marches at most 1.2 times
-  the time of unwatched ones.
 """
 
 import numpy as np
@@ -22,7 +20,6 @@ import hereditary as hd
 from hereditary.compiled.reference import by_reference
 from hereditary.exact import mittag_leffler
 from hereditary.given.fixed_stepper import FixedStepper
-from hereditary.given.jacobian_watch import JacobianWatch
 from hereditary.given.signatures import HISTORY_TABLES, MEMORY
 from hereditary.given.steps import UniformSteps
 
@@ -152,32 +149,6 @@ def bandwidth(quick):
     return taken / copied, 1e9 * taken / 32 / d
 
 
-def watched(quick):
-    """Largest ratio of the times of watched and unwatched marches of 1,000 components."""
-    d, n = (100, 200) if quick else (1000, 4000)
-    start = np.sin(np.pi * np.arange(1, d + 1) / (d + 1))
-    equation = hd.Equation(hd.Caputo(0.9), reaction, start, bandwidth=(0, 0))
-    every, ratios = JacobianWatch.__init__, []
-
-    def unwatched(self, region, system, n_block):
-        every(self, None, system, n_block)
-
-    for scheme in (hd.ExplicitCaputo(), hd.Adams()):
-        how = {"scheme": scheme, "save_every": n, "estimate": False}
-        run = lambda how=how: hd.solve(equation, 1.0, n, **how)  # noqa: E731
-        times = []
-        for _ in range(2 if quick else 7):  # alternating
-            pair = []
-            for init in (every, unwatched):
-                JacobianWatch.__init__ = init
-                pair.append(fastest(run, 1)[0])
-            times.append(pair)
-        JacobianWatch.__init__ = every
-        watch, none = np.min(times, axis=0)
-        ratios.append(watch / none)
-    return max(ratios)
-
-
 def row(problem, way, d, seconds, error):
     told = {"d": d, "ms": f"{1e3 * seconds:.3g}", "error": f"{error:.2g}"}
     return {"problem": problem, "way": way, **told}
@@ -189,7 +160,6 @@ def measure(quick):
     limit, nanoseconds = bandwidth(quick)
     yield Claim("modes of a component, a step [ns]", nanoseconds)
     yield Claim("time of modes over that of copying their bytes", limit, 5)
-    yield Claim("a watched march, times an unwatched one", watched(quick), 1.2)
 
 
 def claims(rows):

@@ -150,35 +150,6 @@ def test_a_force_that_reads_no_y_leaves_the_matrix_its_entries(rhs, dense):
         assert np.array_equal(found, expected)
 
 
-@pytest.mark.parametrize("scheme", [hd.ExplicitCaputo(), hd.Adams()], ids=repr)
-def test_explicit_steps_are_watched_as_with_dense_jacobians(scheme):
-    eq = hd.Equation(hd.Caputo(0.9), reaction, start(40))
-    expected = hd.solve(eq, 0.2, 4000, scheme=scheme)
-    found = hd.solve(eq.replace(bandwidth=(1, 1)), 0.2, 4000, scheme=scheme)
-    assert np.array_equal(found.y, expected.y)
-    ratio = found.stats["stiffness_ratio"]
-    assert 0 < ratio == pytest.approx(expected.stats["stiffness_ratio"], rel=1e-6)
-    beyond = eq.replace(bandwidth=(1, 1), params=[])
-    with pytest.warns(hd.StabilityWarning):
-        assert hd.solve(beyond, 0.2, 300, scheme=hd.ExplicitCaputo()).stats["stiffness_ratio"] > 1
-
-
-def test_limits_of_large_systems_are_those_of_their_eigenvalues():
-    """The largest eigenvalue of the Laplacian meets its limit where the watch says so."""
-    d = 3000
-    rate = 4 * (d + 1) ** 2 * np.sin(np.pi * d / (2 * (d + 1))) ** 2
-    eq = hd.Equation(hd.Caputo(0.9), diffusion, np.zeros(d), bandwidth=(1, 1))
-    single = hd.Equation(hd.Caputo(0.9), lambda t, y, p: -p[0] * y, 0.0, params=[rate])
-    steps = (1e-7, 10)
-    with pytest.warns(hd.StabilityWarning):
-        expected = hd.solve(single, *steps).stats["stiffness_ratio"]
-    with pytest.warns(hd.StabilityWarning):
-        found = hd.solve(eq, *steps).stats["stiffness_ratio"]
-    assert found == pytest.approx(expected, rel=1e-3)
-    unknown = hd.solve(eq.replace(bandwidth=None), 1e-7, 1000, save_every=1000)
-    assert np.isnan(unknown.stats["stiffness_ratio"])
-
-
 @pytest.mark.parametrize("scheme", [hd.BDF(2), hd.L1(), hd.L2Sigma()], ids=repr)
 @pytest.mark.parametrize("m", [4, 40])
 def test_a_mode_of_the_plane_is_a_single_equation(scheme, m):

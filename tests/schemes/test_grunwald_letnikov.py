@@ -77,29 +77,6 @@ def test_orders_next_to_the_integers(alpha):
     assert np.abs(near - there).max() < 1e-7
 
 
-def turning(t, y, p):
-    return np.array([p[0] * y[0] - p[1] * y[1], p[1] * y[0] + p[0] * y[1]])
-
-
-@pytest.mark.parametrize("angle", [2.3, 2.6, 3.0])
-def test_curve_of_the_region_is_growth_by_a_tenth(angle):
-    terms, y0, h = [hd.Caputo(1.4), 0.3 * hd.Caputo(0.6)], [[1.0, 0.0], [0.0, 0.0]], 0.1
-    mu = np.exp(1j * angle)
-    jacobian = np.array([[mu.real, -mu.imag], [mu.imag, mu.real]])
-    region = SCHEME.plan(hd.Equation(terms, turning, y0, (-1.0, 0.0)).system, h).region
-    mu /= region.ratios(jacobian[None]).max()
-    growth = []
-    for share in (0.97, 1.0, 1.03):
-        params = (float(share * mu.real), float(share * mu.imag))
-        with pytest.warns(hd.SolveWarning):
-            sol = hd.solve(hd.Equation(terms, turning, y0, params), 30.0, 300, scheme=SCHEME)
-        radius = np.hypot(*sol.y.T)
-        growth.append((radius[-1] / radius[-101]) ** 0.01)
-    assert growth[1] == pytest.approx(1.1, abs=1e-3)
-    assert growth[0] < 1.095
-    assert growth[2] > 1.105
-
-
 def logistic(n, u, p):
     return p[0] * u * (1 - u)
 

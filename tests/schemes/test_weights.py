@@ -1,14 +1,10 @@
 """Weights of every rule: to rounding however far back, and the same as sums of exponentials."""
 
-import math
-
 import mpmath
 import numpy as np
 import pytest
 from scipy.special import binom
 
-import hereditary as hd
-from hereditary.given import stability
 from hereditary.given import weights as rules
 from hereditary.given.schemes.adams import FIRST_VALUE, HATS
 from hereditary.given.schemes.bdf import _FIRST_MODAL, quadrature_weights, start_coefficients
@@ -216,15 +212,3 @@ def test_the_symbol_of_l12_keeps_to_the_sector_of_growth(alpha):
     assert excess < 0.6
     assert (excess > 0.5) == (alpha == 0.3)
     assert np.abs(np.angle(symbol)).max() < np.pi / 2 or alpha == 1
-
-
-@pytest.mark.parametrize("scheme", [hd.ExplicitCaputo(), hd.GrunwaldLetnikov()])
-@pytest.mark.parametrize("alpha", [0.3, 0.7, 1.0, 1.4, 1.8])
-def test_curve_at_minus_one_is_the_sharp_limit(scheme, alpha, monkeypatch):
-    monkeypatch.setattr(stability, "_GROWTH", 1.0)
-    equation = hd.Equation(
-        hd.Caputo(alpha), lambda t, y: -y, np.ones((math.ceil(alpha), 2)), jac=None
-    )
-    region = scheme.plan(equation.system, 0.1).region
-    assert region.radii[-1] == pytest.approx(region.limits[0], rel=1e-4)
-    assert region.angles[0] == pytest.approx(min(alpha, 2) * np.pi / 2, abs=0.05)

@@ -1,7 +1,6 @@
-"""The step limit is sharp, warned of from the Jacobian, and the zigzag beyond it is seen."""
+"""The step limit is sharp, and what happens beyond it is seen: zigzags, growth, divergence."""
 
 import math
-import re
 import warnings
 
 import numpy as np
@@ -44,7 +43,6 @@ def test_bounded_below_the_limit(scheme, beta, gamma, friction):
     assert sol.success
     assert not caught
     assert np.abs(sol.y).max() < 12  # the undamped one at 0.99 swings to 1 / sqrt(1 - 0.99) = 10
-    assert sol.stats["stiffness_ratio"] == pytest.approx(0.99, abs=1e-6)
 
 
 @pytest.mark.parametrize("scheme", EXPLICIT, ids=repr)
@@ -54,7 +52,6 @@ def test_zigzag_above_the_limit(scheme, beta, gamma, friction):
     assert not sol.success
     assert len(caught) == 1
     assert "zigzag" in caught[0]
-    assert "1.02 times its limit" in sol.message
     signs = np.sign(np.diff(sol.y[-100:, 0]))
     assert np.all(signs[1:] == -signs[:-1])
 
@@ -100,14 +97,10 @@ def test_bounded_zigzag_is_seen_where_no_overflow_comes(scheme):
 
 @pytest.mark.parametrize("scheme", [*EXPLICIT, hd.Adams()], ids=repr)
 @pytest.mark.parametrize("order", [0.5, 0.9])
-def test_a_step_that_would_do_is_named_and_does(scheme, order):
+def test_other_schemes_are_named(scheme, order):
     equation = hd.scenes.relaxation(alpha=order, rate=20.0)
     with pytest.warns(hd.StabilityWarning, match=r"rtol=1e-6, or BDF\(2\)$"):
-        sol = hd.solve(equation, 1.0, 10, scheme=scheme)
-    h = float(re.search("h = ([^ ]+) would do", sol.message)[1])
-    fine = hd.solve(equation, 1.0, math.ceil(1 / h), scheme=scheme)
-    assert fine.success
-    assert fine.stats["stiffness_ratio"] > 0.8  # nor is it smaller than it must be
+        hd.solve(equation, 10.0, 100, scheme=scheme)
 
 
 def test_many_components_are_told_of_their_jacobian():
@@ -132,7 +125,7 @@ def stiff_for_a_while(t, y):
 
 def test_passing_the_limit_on_the_way_warns():
     equation = hd.Equation(hd.Caputo(1.0), stiff_for_a_while, y0=1e-3)
-    with pytest.warns(hd.StabilityWarning, match="1.5 times its limit"):
+    with pytest.warns(hd.StabilityWarning, match="had grown"):
         sol = hd.solve(equation, 1.0, 1000)
     assert sol.status is hd.Status.STEP_TOO_LARGE
     assert not sol.success
@@ -163,8 +156,6 @@ def test_stiff_component_of_a_system(user_jacobian):
             warnings.simplefilter("error" if stable else "ignore")
             sol = hd.solve(equation, 2000 * h, 2000)
         assert sol.success == stable
-        if not stable:
-            assert sol.stats["stiffness_ratio"] == pytest.approx(share, rel=1e-6)
 
 
 @pytest.mark.parametrize("scheme", EXPLICIT, ids=repr)
@@ -176,28 +167,11 @@ def test_stiff_spirals_are_seen(scheme, order, n_steps):
         return np.array([-y[0] + 100 * y[1], -100 * y[0] - y[1]])
 
     equation = hd.Equation(hd.Caputo(order), spiral, [1.0, 0.0])
-    with pytest.warns(hd.StabilityWarning, match="times its limit"):
+    with pytest.warns(hd.StabilityWarning, match="had grown"):
         sol = hd.solve(equation, 1.0, n_steps, scheme=scheme)
     assert not sol.success
     finer = {"save_every": 1000, "estimate": False}
     assert hd.solve(equation, 1.0, 200 * n_steps, scheme=scheme, **finer).success
-
-
-@pytest.mark.parametrize("scheme", EXPLICIT, ids=repr)
-def test_region_against_euler(scheme):
-    """For order 1 the curve is |1 + h mu| = 1.1, and slow growth is no instability."""
-    h = 0.1
-    equation = hd.Equation(hd.Caputo(1.0), lambda t, y: -y, [1.0, 1.0])
-    region = scheme.plan(equation.system, h).region
-    for mu in (-1 + 9j, -3 + 4j, -15 + 2j, -0.1 + 2j):
-        jacobian = np.array([[mu.real, mu.imag], [-mu.imag, mu.real]])
-        ratio = region.ratios(jacobian[None])[0]
-        on_curve = mu / ratio
-        assert abs(1 + h * on_curve) == pytest.approx(1.1, abs=1e-3)
-    neutral = np.array([[0.0, 0.5], [-0.5, 0.0]])  # in the equation
-    others = np.array([-3 * np.eye(2), neutral, np.full((2, 2), np.nan)])
-    np.testing.assert_allclose(region.ratios(others), [3 * h / 2, 0, 0])
-    assert region.ratios(np.empty((0, 2, 2))).size == 0
 
 
 @pytest.mark.parametrize(
@@ -265,8 +239,8 @@ def test_adams_is_watched_with_any_sweeps_and_orders(corrections, order, force):
 
 @pytest.mark.parametrize("scheme", [*EXPLICIT, hd.Adams(corrections=2)])
 @pytest.mark.parametrize("n_stiff", [10, 0])
-def test_stiffness_between_two_looks_at_the_jacobian_is_seen(scheme, n_stiff):
-    """Ten steps of 1,000, of which every 32nd is looked at."""
+def test_stiffness_of_a_few_steps_is_seen(scheme, n_stiff):
+    """Ten steps of 1,000."""
 
     def pulse(t, y, p):
         return -(p[0] if 0.5005 < t < 0.5005 + p[1] else 1.0) * y
@@ -279,7 +253,7 @@ def test_stiffness_between_two_looks_at_the_jacobian_is_seen(scheme, n_stiff):
 
 @pytest.mark.parametrize("scheme", [*EXPLICIT, hd.Adams(corrections=2)])
 def test_cycles_of_a_force_that_saturates_are_seen(scheme):
-    """From far out: the Jacobian along the orbit is small, and it need not turn at every step."""
+    """From far out: the orbit need not turn at every step."""
     if scheme in EXPLICIT:
         unit = hd.Equation(hd.Caputo(1.7), saturating, [-20.0, 0.0], (1.0,))
         limit = scheme.step_limit(unit, 1.0) ** 1.7
@@ -303,7 +277,6 @@ def test_slow_spirals_that_grow_are_seen():
     sol, found = warned_of(equation, 100.0, 1000)
     assert found
     assert "a few steps had grown" in sol.message
-    assert sol.stats["stiffness_ratio"] < 1
     assert not warned_of(equation, 100.0, 100_000, save_every=1000)[1]
 
 
@@ -330,36 +303,3 @@ def test_what_is_no_instability(scheme):
     assert not warned_of(hd.scenes.lorenz(), 30.0, 6000, scheme=scheme)[1]
     tiny = hd.Equation(hd.Caputo(1.0), decaying, 5e-324, (1.5,))
     assert not warned_of(tiny, 1000.0, 1000, scheme=scheme)[1]
-
-
-def coupled_chain(t, u, p):
-    """Neighbours pull (p[0]) or turn (p[1]) each other."""
-    du = -2 * u
-    du[1:] += (p[0] + p[1]) * u[:-1]
-    du[:-1] += (p[0] - p[1]) * u[1:]
-    return du
-
-
-@pytest.mark.parametrize("d", [33, 80, 201])
-@pytest.mark.parametrize(("pull", "turn"), [(1.0, 0.0), (0.0, 1.5)], ids=["pull", "turn"])
-@pytest.mark.parametrize("alpha", [0.7, 1.5])
-def test_many_components_are_watched_by_norms_and_few_eigenvalues(alpha, pull, turn, d):
-    """Above the limit the ratio is that of all eigenvalues, below no warning is given."""
-    if d > 200 and turn:
-        pytest.skip("those of largest modulus need not be the worst")
-    y0 = np.sin(np.pi * np.arange(1, d + 1) / (d + 1))
-    eq = hd.Equation(
-        hd.Caputo(alpha), coupled_chain, [y0, 0 * y0] if alpha > 1 else y0, params=[pull, turn]
-    )
-    h = SCHEME.step_limit(eq, 4.0)
-    jacobian = eq.jacobian(0.0, y0)
-    for share in (0.7, 1.2, 3.0):
-        step = h * share ** (1 / alpha)
-        region = SCHEME.plan(eq.system, step).region
-        found = region.ratios(jacobian[None])[0]
-        scaled = -jacobian / region.limits[:, None]
-        every = region._ratios_of(np.linalg.eigvals(scaled)[None])[0]
-        assert found >= every * (1 - 1e-6)
-        assert found <= max(every * (1 + 1e-6), 1.0)
-    assert region.ratios(np.zeros((0, d, d))).shape == (0,)
-    assert region.ratios(np.full((1, d, d), np.nan))[0] == 0.0

@@ -30,14 +30,6 @@ def open_block(lag, pieces, n, groups, weights, memory):
 
 
 @inner
-def keep_jacobian(m, t, k):
-    """Store the Jacobian of the orbit at time t as number k of the output."""
-    right, orbit = m.right, m.state.x[: m.table.n_orbit]
-    out = m.output.jacobians[k]
-    m.state.counts.rhs += right.jacobian(right.force, t, orbit, m.workspace.units, out)
-
-
-@inner
 def begin_start(m, v, values, first):
     """Store start value number v of each column, and add its weighted value to the first block.
 

@@ -9,14 +9,7 @@ from ..equation.system import System
 from ..stepping.scheme import Scheme
 from ..stepping.status import NOT_FINITE, Ending, Status
 from .block import BLOWN_UP, NOT_SOLVED
-from .jacobian_watch import JacobianWatch
-from .stability import longest_step
 
-# The step that a message recommends, as a fraction of the longest stable step. Rounded to two
-# digits it is still stable.
-_STABLE_STEP_FRACTION = 0.9
-# Shortest step that a message recommends, as a fraction of the run's step.
-_MIN_RECOMMENDED_FRACTION = 1e-6
 # Remedy if not even the first step is solved.
 _FROM_EDGE = "where y begins at an edge of the domain of the right-hand side, use rtol="
 
@@ -41,13 +34,13 @@ def ending(status: int, scheme: Scheme, n: int, tried: np.ndarray, f: np.ndarray
 
 
 def remedy_of(
-    system: System, scheme: Scheme, h: float, watch: JacobianWatch, zigzag: int, growth: int
+    system: System, scheme: Scheme, h: float, zigzag: int, growth: int, diverged: int
 ) -> str:
     """Return a clause of a message: how steps h showed their instability, and what to use instead.
 
     `zigzag` is the step at which the watch noted a lasting zigzag of the increments. `growth` is
-    the step at which it noted that increments had grown from turn to turn. Both are -1 if the watch
-    noted nothing (given/watch.py).
+    the step at which it noted that increments had grown from turn to turn, and `diverged` that at
+    which corrections had not shrunk. All are -1 if the watch noted nothing (given/watch.py).
     """
     found, start = [], system.frame.start
     if zigzag >= 0:
@@ -55,22 +48,13 @@ def remedy_of(
     if growth >= 0:
         at = f"by t = {start + growth * h:g}"
         found.append(f"increments that turn within a few steps had grown {at}")
-    if watch.largest > 1:
-        at = f"near t = {start + watch.step * h:g}"
-        found.append(f"d rhs/d y reached {watch.largest:.4g} times its limit {at}")
-    seen = " and ".join(found) + f" at h = {h:g}; take "
-    smaller = "smaller steps"
+    if diverged >= 0:
+        at = f"at t = {start + diverged * h:g}"
+        found.append(f"corrections had grown from each sweep to the next for steps {at}")
+    seen = " and ".join(found) + f" at h = {h:g}; take smaller steps"
     if scheme.solve == "newton":
-        return seen + smaller
-    if watch.largest > 1:
-        step = longest_step(scheme, system, h, watch.largest)
-        # the message names no shorter step: it would come from a blow-up, or take days
-        smaller += (
-            f", h = {_STABLE_STEP_FRACTION * step:.2g} would do"
-            if step > _MIN_RECOMMENDED_FRACTION * h
-            else ""
-        )
+        return seen
     implicit = "BDF(2)" if system.constant else "L1()"
     if system.n_solved > FEW and system.structure is None:
         implicit += f", with linear= or bandwidth= for {system.n_solved} components"
-    return seen + f"{smaller}, or Collocation() with rtol=1e-6, or {implicit}"
+    return f"{seen}, or Collocation() with rtol=1e-6, or {implicit}"

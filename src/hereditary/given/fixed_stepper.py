@@ -37,7 +37,6 @@ from .endings import ending, remedy_of
 from .first_steps import FirstSteps, starting_steps
 from .growing_march import LOST, Renormalisations, grow, transform_march
 from .history.history import History
-from .jacobian_watch import JacobianWatch
 from .linear_solvers import newton_of
 from .march import MARCHES, march_of
 from .plan import Plan
@@ -166,7 +165,7 @@ class FixedStepper(ResumableStepper, TangentStepper, JumpingStepper):
         self.memory = self.history.open(plan.past, plan.groups.size, self._block, self._span)
         self._loop, system = MARCHES[self.scheme.solve], self._marched
         self._past, self._rows, self._lasting = plan.past, plan.rows, plan.lasting
-        self._watch, width = JacobianWatch(plan.region, system, self._block), plan.groups.size
+        width = plan.groups.size
         table = StepTable(
             h=self.h,
             slowest=plan.slowest,
@@ -174,7 +173,6 @@ class FixedStepper(ResumableStepper, TangentStepper, JumpingStepper):
             integral=int(plan.integral),
             n_orbit=system.d,
             n_solved=system.n_solved,
-            every=self._watch.every,
             groups=plan.groups,
             sources=self._sources,
             given=np.zeros(width, dtype=np.int64) if plan.given is None else plan.given,
@@ -199,7 +197,7 @@ class FixedStepper(ResumableStepper, TangentStepper, JumpingStepper):
         ]
         self.memory.clear()
         self._march = March(
-            counts=record(MARCH_COUNTS, zigzag=-1, opened=-1, growth=-1),
+            counts=record(MARCH_COUNTS, zigzag=-1, opened=-1, growth=-1, diverged=-1),
             x=x,
             increment=plan.increments[columns].copy(),
             change=np.zeros(width),
@@ -296,11 +294,10 @@ class FixedStepper(ResumableStepper, TangentStepper, JumpingStepper):
                 return
 
     def _enter(self, n_end: int, rows: np.ndarray, slopes: np.ndarray) -> int:
-        """Call the compiled march once, and check stability by Jacobians along the orbit."""
+        """Call the compiled march once."""
         memory, start = self.memory, self.system.frame.start
         if self.n in self._breaks:
             self._forget_explicit()
-        jacobians = self._watch.workspace(self.n, n_end)
         try:
             return self._loop(march_of(GivenWork(
                 right=self._right,
@@ -311,11 +308,10 @@ class FixedStepper(ResumableStepper, TangentStepper, JumpingStepper):
                 rows=rows_beside(self._breaks, self.n, self._rows, self.steps, start),
                 state=self._march,
                 workspace=self._workspace,
-                output=MarchOutput(rows, slopes, jacobians, self.n),
+                output=MarchOutput(rows, slopes, self.n),
             ), self.scheme.solve), n_end)  # fmt: skip
         finally:
             self._read_step()
-            self._watch.note(jacobians, self.n)
 
     def _read_step(self) -> None:
         """Set `n` to the number of steps that the march has made, and `t` to their end."""
@@ -356,18 +352,19 @@ class FixedStepper(ResumableStepper, TangentStepper, JumpingStepper):
         status = self._instability()
         remedy, counts = "", self._march.counts
         if status:
-            zigzag, growth = int(counts["zigzag"]), int(counts["growth"])
-            remedy = remedy_of(self.system, self.scheme, self.h, self._watch, zigzag, growth)
+            noted = [int(counts[name]) for name in ("zigzag", "growth", "diverged")]
+            remedy = remedy_of(self.system, self.scheme, self.h, *noted)
         return Diagnostics(status, remedy, self._misfit)
 
     def _instability(self) -> Status | None:
         """Return the status of a march beyond its stability limit; None for a stable march."""
         if self.scheme.is_map:
             return None
-        if self._march.counts["zigzag"] >= 0:
+        counts = self._march.counts
+        if counts["zigzag"] >= 0:
             return Status.ZIGZAG
-        unstable = self._watch.largest > 1 or self._march.counts["growth"] >= 0
-        return Status.STEP_TOO_LARGE if unstable else None
+        grown = counts["growth"] >= 0 or counts["diverged"] >= 0
+        return Status.STEP_TOO_LARGE if grown else None
 
     def stats(self) -> dict[str, Any]:
         """Return counts and errors for the `stats` of the solution."""
@@ -377,29 +374,22 @@ class FixedStepper(ResumableStepper, TangentStepper, JumpingStepper):
             "n_factorised": int(self._march.counts["factorised"]),
             "n_modes": self.memory.n_modes,
             "history_bytes": self.memory.nbytes,
-            "stiffness_ratio": self._watch.largest if self._watch.watches else np.nan,
             "kernel_error": self.memory.kernel_errors.reported,
         }
 
-    def checkpoint(
-        self,
-    ) -> tuple[tuple[np.ndarray, ...], tuple[np.ndarray, ...], tuple[float, int]]:
-        """Return copies of the march's state, its memory and its stability watch."""
-        march = tuple(plain(part).copy() for part in self._march)
-        return march, self.memory.state(), (self._watch.largest, self._watch.step)
+    def checkpoint(self) -> tuple[tuple[np.ndarray, ...], tuple[np.ndarray, ...]]:
+        """Return copies of the march's state and its memory."""
+        return tuple(plain(part).copy() for part in self._march), self.memory.state()
 
-    def come_back(
-        self, checkpoint: tuple[tuple[np.ndarray, ...], tuple[np.ndarray, ...], tuple[float, int]]
-    ) -> None:
+    def come_back(self, checkpoint: tuple[tuple[np.ndarray, ...], tuple[np.ndarray, ...]]) -> None:
         """Return the march to the step at which `checkpoint` was taken."""
-        (counts, *parts), memory, watched = checkpoint
+        (counts, *parts), memory = checkpoint
         march = March(record(MARCH_COUNTS, tuple(counts[0])), *(part.copy() for part in parts))
         monitor = records([tuple(row) for row in march.monitor], MONITOR)
         newton = self._newton.taken_over(march)
         self._march = march._replace(newton=newton, monitor=monitor)
         self._read_step()
         self.memory.restore(memory)
-        self._watch.largest, self._watch.step = watched
         self._error, self._status = None, RUNNING
         self._refactorise()
 

@@ -29,7 +29,6 @@ from .block import (
     RUNNING,
     begin_others,
     begin_start,
-    keep_jacobian,
     open_block,
     write_row,
 )
@@ -54,7 +53,7 @@ from .step import (
     set_argument_map,
     set_known_terms,
 )
-from .watch import watch_turn
+from .watch import watch_sweep, watch_turn
 
 # Text that is shown while a march is compiled, for each way of solving a step.
 _ANNOUNCED = {
@@ -75,7 +74,7 @@ def marching(name: str, way: str) -> Callable[..., Any]:
     def march(march, end):
         m = march.work
         table, rows, state, workspace, memory = m.table, m.rows, m.state, m.workspace, m.memory
-        h, every, integral, slowest = table.h, table.every, table.integral, table.slowest
+        h, integral, slowest = table.h, table.integral, table.slowest
         counts, x, u, d = state.counts, state.x, state.increment, state.change
         lag, pieces, groups, weights = state.lag, state.pieces, table.groups, table.weights
         theta, unit, ratio, width = rows.theta, rows.unit, rows.ratio, x.shape[0]
@@ -98,8 +97,6 @@ def marching(name: str, way: str) -> Callable[..., Any]:
                     evaluate(march, 0.0, x, state.last_f)
                     begin_start(m, 0, state.last_f, 0)
                 counts.opened = n
-            if every > 0 and n % every == 0:
-                keep_jacobian(m, n * h, n // every - (m.output.first + every - 1) // every)
             if i != row:  # uniform steps share one row of coefficients
                 load_coefficients(m, i)
                 row = i
@@ -134,6 +131,8 @@ def marching(name: str, way: str) -> Callable[..., Any]:
                 evaluate(march, t, point, f)
                 keep_last_f(m)
             close(m, n, p, ratio[i], explicit)
+            for c in range(0 if explicit or newton or imex else table.n_solved):
+                watch_sweep(state.monitor[c], workspace.moved[c], state.lacks[c], u[c], counts)
             for c in range(table.n_solved if slowest > 0.0 else 0):
                 if (u[c] - d[c]) * u[c] < 0.0:  # a turn: the increment changed its sign
                     watch_turn(state.monitor[c], d[c], u[c], x[c], slowest, counts)

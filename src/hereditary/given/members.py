@@ -78,5 +78,4 @@ class MemberStepper(FixedStepper):
         if self._block == 1:  # blocks of one step have weights that the march may still compute
             self._begin(plan)
         self._stand_at_start(plan, columns)
-        self._watch.largest = 0.0
         self._status, self._error = RUNNING, None

@@ -19,7 +19,6 @@ from ..equation.system import System
 from ..kernels.step_kernel import ExponentialSteps
 from ..support.checks import refuse
 from .signatures import StepRows
-from .stability import StabilityRegion
 
 
 @dataclass(frozen=True)
@@ -181,8 +180,6 @@ class Plan:
         V start values of each component, whose weights are in `past`.
     lasting : bool
         Whether `corrections` extend beyond the first few steps.
-    region : StabilityRegion or None
-        Region in which the eigenvalues of the Jacobian must be; None without a step limit.
     slowest : float
         Growing turns of increments are watched if they are at most this many steps apart. 0 turns
         the watch off, for schemes without a step limit.
@@ -202,7 +199,6 @@ class Plan:
     corrections: np.ndarray | None = None
     starts: np.ndarray | None = None
     lasting: bool = False
-    region: StabilityRegion | None = None
     slowest: float = 0.0
 
 

@@ -102,6 +102,7 @@ MARCH_COUNTS = np.dtype(
         ("opened", "i8"),  # first step of the block that was opened last
         ("rhs", "i8"),  # number of calls of the right-hand side
         ("growth", "i8"),  # step at which the watch noted growth from turn to turn, -1 for none
+        ("diverged", "i8"),  # step at which it noted that corrector sweeps diverge, -1 for none
         ("kept", "i8"),  # whether the next step may use the last Jacobian and its factors
         ("at_once", "i8"),  # whether the factors of Newton's matrix solve a linear step at once
         ("renewed", "i8"),  # number of coming steps that each compute a new Jacobian
@@ -127,6 +128,7 @@ MONITOR = np.dtype(
         ("turns", "f8"),  # number of turns in quick succession; -1 if they are not watched
         ("turning", "f8"),  # largest change of an increment in the present batch of turns
         ("turning_before", "f8"),  # largest change of an increment in the batch of turns before
+        ("diverging", "f8"),  # number of steps in a row whose last corrector sweep diverged
     ],
     align=True,
 )
@@ -146,7 +148,6 @@ class StepTable(NamedTuple):
     - integral: whether pieces are values of f instead of increments.
     - n_orbit: components of the orbit, which are the first columns. The first n_solved of them have
       an equation; the others are memory that f reads.
-    - every: steps between two Jacobians for the stability watch (0: none).
     - groups (W,): the group of each column.
     - sources (W,): the column whose increments each column uses.
     - given (W,): whether the first increment is given instead of solved for.
@@ -161,7 +162,6 @@ class StepTable(NamedTuple):
     integral: int
     n_orbit: int
     n_solved: int
-    every: int
     groups: Integers
     sources: Integers
     given: Integers
@@ -251,12 +251,10 @@ class MarchOutput(NamedTuple):
     """Arrays that a call of the march fills, beginning with step `first`.
 
     - rows, slopes (k, d): y and y' of d components at the ends of k steps; k = 0 if not wanted.
-    - jacobians (n, d, d): Jacobians at n of these steps, for the stability watch.
     """
 
     rows: Matrix
     slopes: Matrix
-    jacobians: Cube
     first: int
 
 

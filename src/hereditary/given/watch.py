@@ -1,8 +1,8 @@
-"""Signs of instability in the increments of a march: lasting zigzags and growing turns.
+"""Signs of instability in a march: lasting zigzags, growing turns, and sweeps that diverge.
 
 A turn is a step at which the increment of a component changes its sign. An alternation, or zigzag,
 is a sequence of steps that are all turns. Each component of the orbit has a record (`MONITOR`,
-given/signatures.py). The functions are called at turns only, because most orbits seldom turn.
+given/signatures.py). `watch_turn` is called at turns only, because most orbits seldom turn.
 """
 
 from ..compiled.jit import inner
@@ -20,10 +20,14 @@ SMALLEST_CHANGE = 1e-300
 # Steps in a short batch, after which a large alternation counts as a lasting zigzag. A large
 # alternation spoils the solution in fewer steps than a small one.
 SHORT_WINDOW = 16
+# Steps in a row with diverging corrector sweeps that count as instability.
+DIVERGING = 3.0
 # Least ratio of the smallest to the largest increment of a short batch in a lasting zigzag. At
 # 0.999 of its step limit, increments of the undamped oscillator still differ by a tenth.
 SHORT_ALIKE = 0.95
-# Least size of a large alternation, as a fraction of the solution.
+# Least size of a large alternation, as a fraction of the solution. Least change by a sweep that may
+# diverge, as a fraction of the increment. Without it resolved runs of Lorenz's equations have false
+# alarms.
 LARGE = 0.05
 # Total growth of the increment's changes over a series of turns that counts as instability. This
 # value is for turns at most QUICK steps apart. At 0.99 of its step limit the changes of the
@@ -111,3 +115,16 @@ def watch_zigzag(own, increment, size, counts):
         own.largest = 0.0
     if sustained and size > SMALLEST_CHANGE and counts.zigzag < 0:
         counts.zigzag = counts.step
+
+
+@inner
+def watch_sweep(own, moved, next_moved, increment, counts):
+    """Note in counts.diverged the step at which corrector sweeps had diverged for some steps.
+
+    `moved` is the change of a component by the last sweep, and `next_moved` that by one more. If
+    sweeps diverge, decaying modes grow, with or without turns.
+    """
+    large = abs(moved) > LARGE * abs(increment) and abs(moved) > SMALLEST_CHANGE
+    own.diverging = own.diverging + 1.0 if large and abs(next_moved) > abs(moved) else 0.0
+    if own.diverging == DIVERGING and counts.diverged < 0:
+        counts.diverged = counts.step

@@ -65,11 +65,6 @@ class Solution:
           component (see `Accuracy`). It is the error of the run wherever it is above 2e-4
           (convergence/estimates.py); 1e-4 means at most 1e-4. It is None if it cannot be known.
         - error_unknown: if error_estimate is None, a clause that says why.
-        - stiffness_ratio: with given steps, the largest ratio of an eigenvalue of d rhs / d y to
-          its step limit along the orbit. It is computed every 32 steps (more rarely in systems).
-          The scheme is unstable if the ratio is above 1. There is no ratio if orders vary. If
-          components have different terms, only real eigenvalues count. Above 32 components a bound
-          by norms replaces the ratio if the bound is below 1.
     left : State or callable
         The value of `state`, or a function that returns it.
     dense : Dense or None

@@ -12,12 +12,12 @@ the weight is ``A_n - A_(n-1)`` with ``A_n = n**(alpha+1) - (n-alpha) (n+1)**alp
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import lru_cache, partial
 from typing import ClassVar
 
 import numpy as np
-from scipy.special import rgamma, zeta
+from scipy.special import rgamma
 
 from ...equation.system import System
 from ...equation.terms import ConstantOrder
@@ -25,7 +25,6 @@ from ...kernels.special import first_moment_exponential, gauss_unit, mean_expone
 from ...stepping.scheme import Scheme, check_smoothness
 from ...support.checks import count, within
 from ..plan import Plan, WeightRule
-from ..stability import StabilityRegion
 from ..uniform_plan import uniform_plan
 from ..watch import QUICK
 
@@ -114,11 +113,10 @@ def _plan(system: System, h: float, corrections: int) -> Plan:
     0 means an implicit step by Newton's method.
     """
     weighed, start = (partial(_weighed, h=h, rule=rule) for rule in (HATS, FIRST_VALUE))
-    plan = uniform_plan(
+    return uniform_plan(
         system, h, 1.0, weighed, starts=[(start, 0.0)], integral=True, first_modal=3,
         sweeps=corrections, slowest=QUICK,
     )  # fmt: skip
-    return replace(plan, region=_region(system, plan.rows.lead[plan.groups, 0], corrections))
 
 
 def _weighed(
@@ -126,28 +124,6 @@ def _weighed(
 ) -> tuple[float, WeightRule, float]:
     """Return the factor, rule and order of a term c D^alpha: weights of f on the left side."""
     return -(h**operator.order) * rgamma(operator.order + 2) / c, rule, operator.order
-
-
-def _region(system: System, lead: np.ndarray, corrections: int) -> StabilityRegion | None:
-    """Return the limits of K = -d f / d y as a `StabilityRegion`; None if every step is stable.
-
-    Corrector sweeps contract only if ``lead K < 1``, and this is the limit returned. It is sharp
-    for an odd number of sweeps and orders up to 1. Otherwise steps become unstable at a smaller K.
-    Without sweeps the alternating mode grows above order 1 only, from
-    ``lead K = 1 / (4 |eta(-1-beta)|)`` on, eta being Dirichlet's function.
-    """
-    orders = system.highest_orders()[system.sources]
-    if corrections:
-        limits = 1 / lead
-    elif orders.max() <= 1:
-        return None
-    else:
-        above = np.where(orders > 1, orders, 2.0)
-        eta = np.abs((1 - 2 ** (2 + above)) * zeta(-1 - above))
-        limits = np.where(orders > 1, 1 / (4 * eta * lead), np.inf)
-    nothing = np.zeros(0)
-    # memory that f reads changes by 1 / lead times the newest increment
-    return StabilityRegion(limits, nothing, nothing, np.pi, gains=1 / lead)
 
 
 @dataclass(frozen=True)
@@ -176,7 +152,7 @@ class Adams(Scheme):
     At order 2 the solution grows slowly with any step (docs/stability.md).
 
     Beyond the limit the solution grows or, with a force that saturates, stays bounded and wrong.
-    `solve` checks along the orbit whether corrections contract, K h**alpha < Gamma(alpha + 2). It
+    `solve` checks in every step whether corrections contract, K h**alpha < Gamma(alpha + 2). It
     also checks whether increments grow while their sign changes every few steps.
 
     Source
@@ -234,8 +210,8 @@ class ProductTrapezoid(Scheme):
     ---------
     No step limit for orders up to 1. Above order 1, for ``D^beta y = -K y``, K h**beta must be
     below ``Gamma(beta + 2) / (4 |eta(-1-beta)|)``, eta being Dirichlet's function. This is 50 for
-    beta = 1.05, 9.3 for 1.6, and 12 for 2 (docs/stability.md). `solve` checks this limit along the
-    orbit.
+    beta = 1.05, 9.3 for 1.6, and 12 for 2 (docs/stability.md). `solve` checks whether increments
+    zigzag or grow beyond it.
 
     Source
     ------

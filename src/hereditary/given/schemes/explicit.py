@@ -23,7 +23,7 @@ from ...stepping.scheme import Scheme, check_smoothness
 from ...support.checks import instance, refuse, within
 from ..plan import Plan, WeightRule
 from ..row_plan import varying_plan
-from ..stability import StabilityRegion, largest_step, polylogarithm, stability_region
+from ..stability import largest_step
 from ..uniform_plan import uniform_plan
 from ..watch import SLOWEST
 from ..weights import FIRST_DIFFERENCES, by_rule, value_weights, weighed
@@ -56,8 +56,8 @@ class ExplicitCaputo(Scheme):
     Stability
     ---------
     Conditional, with the sharp limit `step_limit`. Beyond the limit an orbit need not overflow. It
-    can zigzag from step to step, bounded and wrong. `solve` compares the Jacobian along the orbit
-    with the limit. It also checks the increments of every step for a zigzag and for growth.
+    can zigzag from step to step, bounded and wrong. `solve` checks the increments of
+    every step for a zigzag and for growth.
 
     Cost
     ----
@@ -156,7 +156,6 @@ class ExplicitCaputo(Scheme):
             starts=starts,
             whole=True,
             given=above_one.astype(np.int64),
-            region=_region(system, h, self._limits(system, h)),
             slowest=SLOWEST,
         )
 
@@ -165,19 +164,3 @@ def _start_weights(
     c: float, operator: ConstantOrder, h: float
 ) -> tuple[float, WeightRule, PowerSteps]:
     return by_rule(-c, operator, h, FIRST_DIFFERENCES)
-
-
-def _region(system: System, h: float, limits: np.ndarray) -> StabilityRegion:
-    distinct, _ = system.distinct
-
-    def curve(zeta: np.ndarray) -> Any:  # sum_k b_k zeta**-k = (zeta - 1) Li_(-p)(1 / zeta)
-        total: Any = 0.0
-        for c, operator in distinct[0]:
-            factor, _, _ = weighed(c, operator, h)
-            lean = 1 - 1 / zeta if operator.derivative == 2 else 1.0
-            total += factor * lean * (zeta - 1) ** 2 * polylogarithm(operator.power, 1 / zeta)
-        return total
-
-    alike = len(distinct) == 1 and system.constant
-    orders = [operator.order for _, operator in distinct[0]]
-    return stability_region(limits, orders, curve if alike else None)

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import partial
-from typing import Any, ClassVar
+from typing import ClassVar
 
 import numpy as np
 from scipy.special import rgamma
@@ -21,7 +21,7 @@ from ...kernels.special import mean_exponential
 from ...stepping.scheme import Scheme, check_smoothness
 from ...support.checks import instance, refuse, within
 from ..plan import Plan, WeightRule
-from ..stability import StabilityRegion, largest_step, stability_region
+from ..stability import largest_step
 from ..uniform_plan import uniform_plan
 from ..watch import SLOWEST
 from .bdf import exponent, quadrature_weights, weighed_by_power
@@ -59,8 +59,8 @@ class GrunwaldLetnikov(Scheme):
 
     Stability
     ---------
-    Conditional, with the sharp limit `step_limit`. `solve` checks the limit as it does for
-    `ExplicitCaputo`.
+    Conditional, with the sharp limit `step_limit`. `solve` checks increments as it does
+    for `ExplicitCaputo`.
 
     Cost
     ----
@@ -158,7 +158,6 @@ class GrunwaldLetnikov(Scheme):
             partial(weighed_by_power, h=h, rule=POWER_SERIES),
             starts=starts,
             whole=True,
-            region=_region(system, h, self._limits(system, h)),
             slowest=SLOWEST,
         )
 
@@ -195,14 +194,3 @@ _EULER_WEIGHTS = quadrature_weights(1)
 # Rule of the weights W_k of increments, and rule of the weights of h x'(0).
 POWER_SERIES = WeightRule(_EULER_WEIGHTS.exact, exponent, _modal)
 SPEED = WeightRule(_speed, _speed_exponent, _modal_speed)
-
-
-def _region(system: System, h: float, limits: np.ndarray) -> StabilityRegion:
-    distinct, _ = system.distinct
-
-    def curve(zeta: np.ndarray) -> Any:
-        terms = distinct[0]
-        return zeta * sum(c * ((1 - 1 / zeta) / h) ** operator.order for c, operator in terms)
-
-    orders = [operator.order for _, operator in distinct[0]]
-    return stability_region(limits, orders, curve if len(distinct) == 1 else None)
