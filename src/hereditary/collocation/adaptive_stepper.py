@@ -173,7 +173,7 @@ class AdaptiveStepper(ResumableStepper, TangentStepper, JumpingStepper):
         refuse_late(system, t_end)
         self._t_end, self._rows = t_end, _MAX_STEPS_PER_MARCH
         self._tolerance = tolerance
-        self.step_limits = StepLimits(tolerance.longest, tolerance.most)
+        self.step_limits = StepLimits(tolerance.max_step or np.inf, tolerance.max_steps)
         atol = 0.0 if tolerance.atol is None else system.frame.doubled(tolerance.atol)
         self.allowed = ErrorPolicy.of(tolerance, marched.spread(atol))
         self._known = known = max(t_end, scheme.horizon or 0.0)

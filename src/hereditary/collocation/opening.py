@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -11,7 +13,6 @@ from ..stepping.state import State, go_on_from
 from ..support.checks import count, left_out, positive, real_array, refuse, shown, within
 from .adaptive_stepper import AdaptiveStepper
 from .algebraic import check_start
-from .step_limits import MAX_STEPS
 from .tolerances import Tolerance
 
 # Smallest relative tolerance. Below it, rounding in double precision decides the error.
@@ -26,38 +27,35 @@ def checked_tolerance(
     t_end: float,
     state: State | None = None,
     *,
-    modes: Any = None,
     n_steps: Any = None,
     mesh: Any = False,
-    rtol: float | None = None,
-    atol: Any = None,
-    max_step: float | None = None,
-    max_steps: int | None = None,
+    **asked: Any,
 ) -> Tolerance:
     """Return the checked `Tolerance` of a run to t_end.
 
-    Arguments that are None are taken from `state`, if one is given, or have their default. `modes`
-    is the relative error of the modes.
+    Fields for which nothing, or None, is asked are those of `state`, if one is given.
     """
-    by = "Collocation, which chooses its steps" if rtol is None else "rtol, which chooses the steps"
+    by = "rtol, which chooses the steps"
+    if asked.get("rtol") is None:
+        by = "Collocation, which chooses its steps"
     left_out(f"with {by}", n_steps=n_steps, mesh=None if mesh is False else mesh)
     _check_end(t_end, system)
-    if state is not None:
-        rtol = state.how.rtol if rtol is None else rtol
-        atol = state.how.atol if atol is None else atol
-        modes = state.how.modes if modes is None else modes
-        max_step = state.how.longest if max_step is None else max_step
-        max_steps = state.how.most if max_steps is None else max_steps
+    checks: dict[str, Callable[[Any], Any]] = {
+        "rtol": _relative,
+        "atol": partial(_absolute, n=system.n_y),
+        "modes": float,
+        "max_step": partial(positive, "max_step"),
+        "max_steps": partial(count, "max_steps"),
+    }
+    found = {name: checks[name](value) for name, value in asked.items() if value is not None}
+    return (Tolerance() if state is None else state.how)._replace(**found)
+
+
+def _relative(rtol: Any) -> float:
+    """Return the checked relative tolerance."""
     interval = f"[{TOLERANCE_FLOOR:g}, 0.1]"
     remedy = "write a number such as rtol=1e-6; below 1e-12 rounding decides"
-    rtol = 1e-6 if rtol is None else rtol
-    return Tolerance(
-        within("rtol", rtol, TOLERANCE_FLOOR, 0.1, interval, remedy),
-        None if atol is None else _absolute(atol, system.n_y),
-        modes,
-        None if max_step is None else positive("max_step", max_step),
-        MAX_STEPS if max_steps is None else count("max_steps", max_steps),
-    )
+    return within("rtol", rtol, TOLERANCE_FLOOR, 0.1, interval, remedy)
 
 
 def _absolute(atol: Any, n: int) -> float | tuple[float, ...]:

@@ -31,8 +31,8 @@ class StepLimits:
 
     Parameters
     ----------
-    max_step : float or None
-        Longest step [time].
+    max_step : float
+        Longest step [time]; may be infinite.
     max_steps : int
         Largest number of steps.
 
@@ -44,8 +44,8 @@ class StepLimits:
         Number of the last step allowed, counted from t = 0.
     """
 
-    def __init__(self, max_step: float | None, max_steps: int) -> None:
-        self._max_step, self._max_steps = max_step or np.inf, max_steps
+    def __init__(self, max_step: float, max_steps: int) -> None:
+        self._max_step, self._max_steps = max_step, max_steps
         self.longest, self.last_step = (0.0, 0.0), 0
         self._slow: list[float] = []
         self._t_end = np.inf

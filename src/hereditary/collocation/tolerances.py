@@ -85,18 +85,13 @@ class Allowed(NamedTuple):
 
 
 class Tolerance(NamedTuple):
-    """Tolerances of a run, and limits of its steps.
+    """Tolerances of a run, and limits of its steps, under the names of the arguments of `solve`."""
 
-    - rtol; atol: one number or one for each component of y, None for errors relative to sizes.
-    - modes: relative error of the modes; None for the error that the tolerances require.
-    - longest: longest step [time], or None; most: largest number of steps.
-    """
-
-    rtol: float
-    atol: float | tuple[float, ...] | None = None
-    modes: float | None = None
-    longest: float | None = None
-    most: int = MAX_STEPS
+    rtol: float = 1e-6
+    atol: float | tuple[float, ...] | None = None  # for each component; None: relative to sizes
+    modes: float | None = None  # relative error of the modes; None: as the others require
+    max_step: float | None = None  # [time]
+    max_steps: int = MAX_STEPS
 
 
 class ErrorPolicy(NamedTuple):
