@@ -14,8 +14,9 @@ from typing import Any
 import numpy as np
 
 from ..compiled.jacobian import LEAST, VALUES
+from ..compiled.jit import checked
 from ..compiled.reach import NOISE, SMALL, YOUNG
-from ..compiled.records import plain
+from ..compiled.records import plain, zeros
 from ..equation.system import System, refuse_late
 from ..functions.differences import wrong_jacobian
 from ..kernels.memory_kernel import warn_of_fit
@@ -59,7 +60,7 @@ from .march import (
     march_of,
 )
 from .method import Collocation
-from .mode_tables import empty_tables, floor_to_grid, spare_tables
+from .mode_tables import N_TABLE_LENGTHS, floor_to_grid, spare_tables
 from .operators import FORCE, PRIMARY
 from .orbit import OrbitAndTangents, initial_unknowns
 from .pieces import FirstPiece, PolynomialPieces
@@ -78,7 +79,6 @@ from .structures import (
     Rule,
     Steps,
     StepTables,
-    empty_steps,
     initial_state,
     restored_state,
 )
@@ -233,7 +233,7 @@ class AdaptiveStepper(ResumableStepper, TangentStepper, JumpingStepper):
             if self._ending:
                 return None
         d, s, counts = self._marched.d, self._s, self._state.counts
-        steps = empty_steps(n_rows, self._kept * d, s)
+        steps = zeros(Steps, n=n_rows, D=self._kept * d, s=s)
         n, status, before, origin = 0, TOO_CLOSE, (self.t, counts.copy()), self._control["origin"]
         limits = self._limits(t_stop)
         while (status == TOO_CLOSE and n == 0) or status == ORDERS_NEEDED:
@@ -349,10 +349,8 @@ class AdaptiveStepper(ResumableStepper, TangentStepper, JumpingStepper):
         """March by ordinary steps in compiled code, filling `steps`; return the status code."""
         orbit, s = self._orbit, self._s
         sums, arrays = orbit.sums, orbit.march_arrays()
-        n_kernels = sums.masses.size
-        taken = spare_tables.take(
-            sums.key, lambda: empty_tables(sums.of_varying.size, s, n_kernels)
-        )
+        sizes = {"K": N_TABLE_LENGTHS, "M": sums.of_varying.size, "s": s, "n_k": sums.masses.size}
+        taken = spare_tables.take(sums.key, lambda: checked(zeros(StepTables, **sizes)))
         try:
             return self._march(
                 self._marched, steps, limits, self._rule, sums.basis, taken[1], arrays, self._stages
@@ -491,7 +489,7 @@ class AdaptiveStepper(ResumableStepper, TangentStepper, JumpingStepper):
         before = np.zeros(history.shape)
         arrays = OrbitArrays(orbit.initial, orbit.x, orbit.p, history, before, values)
         self._begin_steps(h, h, begins=True)
-        steps = empty_steps(1, self._kept * d, n)
+        steps = zeros(Steps, n=1, D=self._kept * d, s=n)
         marched, solver = self._marched, None
         if at_edge or has_stages(form):
             marched = marched.dense() if at_edge else marched

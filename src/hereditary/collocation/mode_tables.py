@@ -14,12 +14,10 @@ import math
 
 import numpy as np
 
-from ..compiled.jit import checked, inner, plug_in
+from ..compiled.jit import inner, plug_in
 from ..compiled.linalg import add_rows, clear, clear_matrix, multiply_modes, put
 from ..support.spares import Spares
-from .equations import Form
 from .operators import first_of_kind, number_of
-from .structures import ModeWeights, StepTables
 
 # Number of step lengths between two powers of 2: lengths are 2**(n / _PER_OCTAVE), rounded up.
 _PER_OCTAVE = 8
@@ -40,31 +38,6 @@ _SMALL_BESSEL_ARGUMENT = 1e-8
 # First value of the downward recurrence of the scaled Bessel functions. The recurrence is accurate
 # for arguments from 1e-8 on.
 _SEED = 1e-200 + 0j
-
-
-def empty_weights(form: Form, modes: tuple[int, ...], offsets: bool, s: int) -> ModeWeights:
-    """Return uninitialised `ModeWeights` for modes of the shape (1 + k, R, M) and s nodes.
-
-    If all offsets are 0, `offsets` is false, and the array of their weights has no rows.
-    """
-    (n_columns, n_rows, n_modes), n_integrands = modes, form.n_integrands
-    n_kept = n_rows // form.kinds.size * (int(form.kinds.max()) + 1)
-    n_offsets = n_rows if offsets else 0
-    return ModeWeights(
-        np.empty((n_kept, n_integrands, n_modes)), np.empty((n_kept, n_integrands), np.int64),
-        np.empty((n_columns, n_offsets, n_modes)), np.empty(n_modes), np.empty(s),
-    )  # fmt: skip
-
-
-def empty_tables(n_modes: int, s: int, n_kernels: int) -> StepTables:
-    """Return `StepTables` without the factors of any length, for s nodes and n_kernels kernels."""
-    shapes = (
-        (N_TABLE_LENGTHS, n_modes, s),
-        (N_TABLE_LENGTHS, n_modes),
-        (N_TABLE_LENGTHS, s, n_modes),
-        (N_TABLE_LENGTHS, n_kernels, s, s),
-    )
-    return checked(StepTables(np.zeros(N_TABLE_LENGTHS), *(np.empty(shape) for shape in shapes)))
 
 
 @inner

@@ -5,11 +5,8 @@ primary unknown p is y, or y' for orders above 1. Components of one kind have th
 share their matrices. Letters of shapes: d components, s nodes, R = d or 2 d rows, k tangents.
 """
 
-import numpy as np
-
 from ..compiled.jit import inner
 from ..compiled.linalg import clear_matrix
-from .structures import Operators
 
 # Numbers of the integrands f, p, y and p', of convolution terms and of arrays of nodal values.
 FORCE = 0  # f
@@ -189,13 +186,3 @@ def subtract_from_forces(kinds, matrices, known, values):
                 force[i] -= known[column, d + c, i]
             for q in (PRIMARY, POSITION):
                 subtract_matvec(matrices[n_kinds + kinds[c], q], values[column, q, c], force)
-
-
-def empty_operators(n_columns: int, n_rows: int, kinds: np.ndarray, s: int) -> Operators:
-    """Return uninitialised `Operators` for n_columns = 1 + k, n_rows = R, and a rule of s nodes."""
-    n_kinds = n_rows // kinds.size * (int(kinds.max()) + 1)
-    matrices = n_kinds, 3, s, s
-    return Operators(
-        np.empty(matrices), np.empty((n_kinds, s)), np.empty((n_columns, n_rows, s)),
-        np.empty(matrices), np.empty(n_kinds, dtype=np.int64), np.empty((n_kinds, s)),
-    )  # fmt: skip

@@ -13,6 +13,7 @@ from ..compiled.callbacks import lapack_address
 from ..compiled.jacobian import FEW
 from ..compiled.jit import as_value, checked
 from ..compiled.linalg import address_of_factors
+from ..compiled.records import zeros
 from ..compiled.sparse_solvers import SparseFactors
 from ..equation.jacobian_structure import Structure
 from .equations import Form
@@ -151,31 +152,9 @@ def _solver(
 
     Optional fields that are not given are empty arrays or 0.
     """
-    n = int(form.kinds.max()) + 1
-    above_one = np.zeros(n, dtype=np.int64)
-    above_one[form.kinds] = form.above_one
-    complex_room = [np.zeros(size, complex) for size in (s, (s, s), (s, s))]
-    numbers_of = (
-        "lower", "upper", "lapack", "lapack_solve", "lapack_values", "lapack_balance", "python",
-        "hold",
-    )  # fmt: skip
-    none: dict[str, Any] = {
-        "factors": np.empty((0, 0, 0), complex),
-        "dense": np.empty((0, 0, 0)),
-        "joint": np.empty((0, 0)),
-    }
-    shifts, back, forth = complex_room
-    stages = Stages(
-        order=order.astype(np.int64),
-        kinds=form.kinds,
-        above_one=above_one,
-        matrices=np.zeros((n, 3, s, s)),
-        integral=np.zeros((s, s)),
-        scales=np.ones(form.kinds.size),
-        shifts=shifts,
-        back=back,
-        forth=forth,
-        control=np.zeros(N_CONTROL),
-        **(dict.fromkeys(numbers_of, 0) | none | given),
-    )
+    n, d = int(form.kinds.max()) + 1, form.kinds.size
+    stages = zeros(Stages, n=n, d=d, s=s, n_c=N_CONTROL)
+    stages.above_one[form.kinds] = form.above_one
+    stages.scales[:] = 1.0
+    stages = stages._replace(order=order.astype(np.int64), kinds=form.kinds, **given)
     return StageSolver(as_value(function, STAGES_SIG), checked(stages), held)

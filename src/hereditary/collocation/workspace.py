@@ -5,12 +5,11 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ..compiled.jit import checked
+from ..compiled.records import zeros
 from ..support.spares import Spares
 from .equations import Form
-from .mode_tables import empty_weights
-from .operators import empty_operators
 from .stage_solver import StageSolver, stage_solver
-from .structures import ModeWeights, Operators, StageWorkspace, empty_workspace
+from .structures import ModeWeights, Operators, StageWorkspace
 
 # Number of workspaces that remain in storage. One of nine components has 0.5 MB for the 24 nodes of
 # a first step.
@@ -51,12 +50,16 @@ def take_workspace(
 
     def make() -> Workspace:
         own = solver or stage_solver(None, form, s)
-        d, columns = form.above_one.size, (len(modes), form.n_rows)
-        values = len(modes), form.n_integrands, d, s
-        weights = empty_weights(form, modes.shape, offsets, s)
-        workspace = empty_workspace(columns, values, own.stages, 2)
-        operators = empty_operators(*columns, form.kinds, s)
-        return Workspace(own, checked(operators), checked(weights), checked(workspace))
+        d, jacobians, n_kinds = form.kinds.size, own.stages.jacobians, int(form.kinds.max()) + 1
+        sizes = {"R": form.n_rows, "K": form.n_rows // d * n_kinds, "M": modes.shape[2]}
+        sizes |= {"k": len(modes) - 1, "n_q": form.n_integrands, "d": d, "s": s, "m": 2}
+        work = zeros(StageWorkspace, **sizes)
+        if len(jacobians) == 1:  # the stages of many components share one Jacobian
+            jacobians = np.zeros((s if len(modes) > 1 else 0, *jacobians.shape[1:]))
+        work = work._replace(nodal_change=work.change.reshape(d, s), jacobians=jacobians)
+        weights = zeros(ModeWeights, R_o=form.n_rows if offsets else 0, **sizes)
+        operators = zeros(Operators, **sizes)
+        return Workspace(own, checked(operators), checked(weights), checked(work))
 
     if solver is not None:
         return None, make()

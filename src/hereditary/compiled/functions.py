@@ -66,33 +66,24 @@ _SURFACE_NEWTON_MAXITER = 4
 class Maps(NamedTuple):
     """Matrices S, B and A of L maps, the outermost one first.
 
-    - numbers: all matrices. A matrix of n rows is n + 1 offsets, followed by pairs of column and
-      value, row by row. An offset is the position, from the beginning of the matrix, at which the
-      pairs of a row begin. The last offset is the position at which all pairs end.
-    - sizes (L + 1,): number of components around each map, and inside the last one.
-    - starts (3 L,): index in `numbers` at which S, B and A of each map begin.
-
-    S and A are empty if what is inside reads the first components, and gives the last values.
+    A matrix of n rows is n + 1 offsets, followed by pairs of column and value, row by row. An
+    offset is the position, from the beginning of the matrix, at which the pairs of a row begin. The
+    last offset is the position at which all pairs end. S and A are empty if what is inside reads
+    the first components, and gives the last values.
     """
 
-    numbers: Vector
-    sizes: Integers
-    starts: Integers
+    numbers: Annotated[Vector, "."]  # all matrices
+    sizes: Annotated[Integers, "L+1"]  # numbers of components around each map, and inside the last
+    starts: Annotated[Integers, "3*L"]  # index at which S, B and A of each map begin
 
 
 class Delays(NamedTuple):
-    """Delayed values y(t - tau), as polynomials in t.
+    """Delayed values y(t - tau) of n delays, as polynomials in t between m times."""
 
-    - rows (k,): for each row of memory the number of its delay, -1 if it is a component of x.
-    - n_pieces: number of polynomials of each delay.
-    - times (., capacity + 1): times between the polynomials of each delay.
-    - values (., capacity, d, N_COEFFICIENTS): coefficients of Chebyshev polynomials.
-    """
-
-    rows: Integers
-    n_pieces: Integers
-    times: Matrix
-    values: Cubes
+    rows: Annotated[Integers, "k"]  # number of the delay of each row of memory, -1 for x itself
+    n_pieces: Annotated[Integers, "n"]  # number of polynomials of each delay
+    times: Annotated[Matrix, "n m"]  # times between the polynomials of each delay
+    values: Annotated[Cubes, ". . . ."]  # (n, m - 1, d, N_COEFFICIENTS), of Chebyshev polynomials
 
     def content(self, number: int) -> tuple[np.ndarray, np.ndarray]:
         """Return copies of the times and polynomials of a delay, as arguments of `fill`."""
@@ -116,33 +107,22 @@ class Delays(NamedTuple):
 
 
 class Switches(NamedTuple):
-    """Functions of which f is evaluated on one side only.
+    """Functions of which f is evaluated on one side only."""
 
-    - functions (n,): addresses of their machine code; signs (n,): the sides.
-    - n_read: number of components that they read; n_inside: number of maps inside of them.
-    """
-
-    functions: Integers
-    signs: Vector
-    n_read: int
-    n_inside: int
+    functions: Annotated[Integers, "n"]  # addresses of their machine code
+    signs: Annotated[Vector, "n"]  # the sides
+    n_read: int  # number of components that they read
+    n_inside: int  # number of maps inside of them
 
 
 class Functions(NamedTuple):
     """A user's functions and parameters, and what stands around them.
 
-    - params (p,): the user's parameters.
-    - rhs to complex_reading: g, of which `form` names one; jac to jac_memory: its Jacobian, of
-      which `jac_form` names one. The others are `absent`.
-    - in_python (3,): addresses of C functions in place of g, its Jacobian, and that by memory.
-    - rows, columns (k,): entries of a Jacobian of few components; empty if it is dense.
-    - places (k,): their index in the array of the user, -1 for none. Its shape is (jac_rows,
-      jac_columns).
-    - start: time of the user at time 0.
-    - n: number of values of g, in real numbers.
+    The functions from `rhs` to `complex_reading` are g, and those from `jac` to `jac_memory` its
+    Jacobian. One of each is called; the others are `absent`.
     """
 
-    params: Vector
+    params: Annotated[Vector, "p"]  # the user's parameters
     rhs: Annotated[Any, FunctionField(RHS_SIG)]
     reading: Annotated[Any, FunctionField(MEMORY_RHS_SIG)]
     complex: Annotated[Any, FunctionField(COMPLEX_RHS_SIG)]
@@ -151,18 +131,18 @@ class Functions(NamedTuple):
     jac_entries: Annotated[Any, FunctionField(RHS_SIG)]
     jac_reading: Annotated[Any, FunctionField(MEMORY_JAC_SIG)]
     jac_memory: Annotated[Any, FunctionField(MEMORY_JAC_SIG)]
-    in_python: Integers
-    rows: Integers
-    columns: Integers
-    places: Integers
+    in_python: Annotated[Integers, "3"]  # C functions in place of g, its Jacobian, and by memory
+    rows: Annotated[Integers, "k"]  # of entries of a Jacobian of few components; none if dense
+    columns: Annotated[Integers, "k"]  # of these entries
+    places: Annotated[Integers, "k"]  # their index in the array of the user, -1 for none
     maps: Maps
     delays: Delays
     switches: Switches
-    start: float
-    n: int
-    form: int
-    jac_form: int
-    jac_rows: int
+    start: float  # time of the user at time 0
+    n: int  # number of values of g, in real numbers
+    form: int  # which of the functions g is
+    jac_form: int  # which of the functions its Jacobian is
+    jac_rows: int  # shape of the array of the user for the Jacobian
     jac_columns: int
 
     @property

@@ -21,7 +21,7 @@ logarithms; that of 0 is -inf.
 """
 
 import math
-from typing import NamedTuple
+from typing import Annotated, NamedTuple
 
 import numpy as np
 
@@ -48,21 +48,18 @@ _LARGEST_LOGARITHM = 690.0
 
 
 class Links(NamedTuple):
-    """Nonzero entries of the Jacobian off its diagonal, n, by the components that they link.
+    """The n nonzero entries of the Jacobian off its diagonal, by the components that they link.
 
-    - rows, columns, gains (n,): of the entries.
-    - row (d + 1,), by_row (n,): the entries of row c have the numbers
-      ``by_row[row[c] : row[c + 1]]``.
-    - column (d + 1,), by_column (n,): the same for columns.
+    The entries of row c have the numbers ``by_row[row[c] : row[c + 1]]``. So have columns.
     """
 
-    rows: Integers
-    columns: Integers
-    gains: Vector
-    row: Integers
-    column: Integers
-    by_row: Integers
-    by_column: Integers
+    rows: Annotated[Integers, "n"]
+    columns: Annotated[Integers, "n"]
+    gains: Annotated[Vector, "n"]  # the entries
+    row: Annotated[Integers, "d+1"]
+    column: Annotated[Integers, "d+1"]
+    by_row: Annotated[Integers, "n"]
+    by_column: Annotated[Integers, "n"]
 
 
 @inner(allocates=True)

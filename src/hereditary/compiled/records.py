@@ -1,7 +1,50 @@
-"""Records of named numbers that compiled code may change: entries of structured NumPy arrays."""
+"""Records that compiled code reads or changes: entries of structured arrays, and groups of arrays.
+
+A group of arrays is a NamedTuple, whose fields are declared with their types and shapes:
+``matrices: Annotated[Cube, "K s s"]``. An axis is a sum of products of letters and integers, such
+as ``1+k``. An axis ``.`` has any length, and is empty at first.
+"""
+
+from functools import cache
+from math import prod
+from typing import Any, TypeVar, get_type_hints
 
 import numpy as np
 from numba import config
+from numba.np.numpy_support import as_dtype
+
+_T = TypeVar("_T")
+
+
+def zeros(cls: type[_T], **sizes: int) -> _T:
+    """Return a group of arrays of zeros; `sizes` are the lengths of axes by their letters.
+
+    Fields that are numbers are 0.
+    """
+    made: Any = cls
+    lengths = {".": 0} | sizes
+    return made(*[_zero(kind, shape, lengths) for kind, shape in _fields(made)])
+
+
+@cache
+def _fields(cls):
+    """List (dtype, shape) of each array of a class, and (class, None) of each number."""
+    hints = get_type_hints(cls, include_extras=True).values()
+    parts = [(hint, *getattr(hint, "__metadata__", (None, None))) for hint in hints]
+    return [(as_dtype(array.dtype) if array else hint, shape) for hint, array, shape in parts]
+
+
+def _zero(kind, shape, lengths):
+    if shape is None:
+        return kind()
+    return np.zeros([_length(axis, lengths) for axis in shape.split()], kind)
+
+
+def _length(axis, lengths):
+    for symbol, join in (("+", sum), ("*", prod)):
+        if symbol in axis:
+            return join(_length(part, lengths) for part in axis.split(symbol))
+    return int(axis) if axis.isdigit() else lengths[axis]
 
 
 def record(dtype, values=None, **fields):

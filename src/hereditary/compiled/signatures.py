@@ -32,25 +32,18 @@ SUBSTITUTE = 1  # solve with the factors
 
 
 class LinearSolver(NamedTuple):
-    """Workspace and tables of a linear solver for n components; n = 0 if there is no solver.
+    """Workspace and tables of a linear solver for n components; n = 0 if there is no solver."""
 
-    - factors (m, ., .): factors of Newton's matrix and, if m = 2, of the matrix of the tangents.
-    - order (n,): the index of each component in the order that makes the band narrow.
-    - lower, upper: numbers of diagonals below and above the main one of a banded matrix.
-    - lapack, python: addresses of LAPACK's factorisation and of a function that enters Python.
-    - exact: 1 if the right-hand side is linear and all steps have one matrix, so that one iteration
-      solves a step.
-    - few: 1 if there are so few components that Newton's method eliminates without this solver.
-      Then the solver serves the tangents only.
-    """
-
-    factors: Cube
-    order: Integers
-    lower: int = 0
-    upper: int = 0
-    lapack: int = 0
-    python: int = 0
+    # factors of Newton's matrix and, if m = 2, of the matrix of the tangents
+    factors: Annotated[Cube, "m . ."]
+    order: Annotated[Integers, "n"]  # of the components, so that the band is narrow
+    lower: int = 0  # number of diagonals of a banded matrix below the main one
+    upper: int = 0  # number of diagonals of a banded matrix above the main one
+    lapack: int = 0  # address of LAPACK's factorisation
+    python: int = 0  # address of a function that enters Python
+    # 1 if f is linear and all steps have one matrix, so that one iteration solves a step
     exact: int = 0
+    # 1 if Newton's method eliminates without this solver, which then serves the tangents only
     few: int = 0
 
 

@@ -12,7 +12,7 @@ import numpy as np
 
 from ..compiled.jacobian import FEW
 from ..compiled.jit import checked, loop_value
-from ..compiled.records import plain, record, records
+from ..compiled.records import plain, record, records, zeros
 from ..compiled.reference import by_reference
 from ..compiled.signatures import FACTORISE, LINEAR
 from ..equation.system import System, refuse_late, variational
@@ -216,8 +216,7 @@ class FixedStepper(ResumableStepper, TangentStepper, JumpingStepper):
         self.n, self.t = 0, 0.0
         self._march.monitor["turns"][: orders.size] = np.where(orders == 2, -1.0, 0.0)
         units = self._marched.units(_STEPS_OF_UNITS * self.steps.unit(1))
-        workspace = np.zeros((len(StepWorkspace._fields) - 4, width))
-        self._workspace = StepWorkspace._make([*workspace, *np.zeros((3, units.size)), units])
+        self._workspace = zeros(StepWorkspace, W=width, d=units.size)._replace(units=units)
         self._right = self._marched.compiled
 
     def set_breaks(self, times: np.ndarray, t_end: float) -> None:

@@ -28,45 +28,31 @@ _EMPTY = np.zeros((1, 0))
 class Tables(NamedTuple):
     """Tables of a history; a history sets those that its functions read (given/past.py).
 
-    - first, rows: if weights differ from step to step, the first step of the tables, and the number
-      of steps in them.
-    - length: steps of a batch, modes of terms with y', or modes with real rates.
-    - weights, start_weights: weights of pieces or modes, and of start values.
-    - keep, take: if weights differ from step to step, a mode becomes keep times the mode plus take
-      times a piece. Otherwise keep is the decay of modes and pieces over the finished block.
-    - ahead: decay of the modes up to each step of the next block.
-    - corrections: corrections of the first weights, which are no sums of exponentials.
-    - derivatives, amplitudes: if orders vary, the derivative in each term, and the amplitudes of
-      modes at each step.
-    - room: working storage.
+    If weights differ from step to step, a mode becomes keep times the mode plus take times a piece.
+    Otherwise keep is the decay of modes and pieces over the finished block.
     """
 
-    first: int = 0
-    rows: int = 1
-    length: int = 0
-    weights: Matrix = _EMPTY
-    start_weights: Matrix = _EMPTY
+    first: int = 0  # first step of the tables, if weights differ from step to step
+    rows: int = 1  # number of steps in the tables
+    length: int = 0  # steps of a batch, modes of terms with y', or modes with real rates
+    weights: Matrix = _EMPTY  # weights of pieces or modes
+    start_weights: Matrix = _EMPTY  # weights of start values
     keep: Matrix = _EMPTY
     take: Matrix = _EMPTY
-    ahead: Matrix = _EMPTY
-    corrections: Matrix = _EMPTY
-    derivatives: Matrix = _EMPTY
-    amplitudes: Matrix = _EMPTY
-    room: Matrix = _EMPTY
+    ahead: Matrix = _EMPTY  # decay of the modes up to each step of the next block
+    corrections: Matrix = _EMPTY  # of the first weights, which are no sums of exponentials
+    derivatives: Matrix = _EMPTY  # if orders vary, the derivative in each term
+    amplitudes: Matrix = _EMPTY  # if orders vary, the amplitudes of modes at each step
+    room: Matrix = _EMPTY  # working storage
 
 
 class HistoryArrays(NamedTuple):
-    """Contents of a history's memory for each of W columns, all linear in the solution.
+    """Contents of a history's memory for each of W columns, all linear in the solution."""
 
-    - pieces (W, .): stored pieces; modes (W, .): modes of a sum of exponentials.
-    - starts (W, .): start values or their modes, which the march sets.
-    - pending (W, .): the part of the lag of later steps that is already summed.
-    """
-
-    pieces: Matrix
-    modes: Matrix
-    starts: Matrix
-    pending: Matrix
+    pieces: Annotated[Matrix, "W ."]  # stored pieces
+    modes: Annotated[Matrix, "W ."]  # modes of a sum of exponentials
+    starts: Annotated[Matrix, "W ."]  # start values or their modes, which the march sets
+    pending: Annotated[Matrix, "W ."]  # the part of the lag of later steps that is already summed
 
 
 def held(
@@ -143,31 +129,22 @@ Monitors: TypeAlias = Annotated[np.ndarray, types.Array(from_dtype(MONITOR), 1, 
 class StepTable(NamedTuple):
     """Coefficients that all steps of a run share, for W columns in C groups and blocks of B steps.
 
-    - h: the step, 0 on a mesh; sweeps: number of corrector sweeps in a step.
-    - slowest: turns of increments are watched if they are at most this many steps apart (0: none).
-    - integral: whether pieces are values of f instead of increments.
-    - n_orbit: components of the orbit, which are the first columns. The first n_solved of them have
-      an equation; the others are memory that f reads.
-    - groups (W,): the group of each column.
-    - sources (W,): the column whose increments each column uses.
-    - given (W,): whether the first increment is given instead of solved for.
-    - weights (C, B + 2), start_weights (V C, B + 2): weights of the pieces of the open block, and
-      of V start values.
-    - powers (r, W): exponents of r known terms ``amplitude t**power``.
+    The first columns are the components of the orbit. The first n_solved of them have an equation;
+    the others are memory that f reads.
     """
 
-    h: float
-    slowest: float
-    sweeps: int
-    integral: int
-    n_orbit: int
+    h: float  # the step, 0 on a mesh
+    slowest: float  # largest number of steps between turns that are watched, 0 for none
+    sweeps: int  # number of corrector sweeps in a step
+    integral: int  # whether pieces are values of f instead of increments
+    n_orbit: int  # number of components of the orbit
     n_solved: int
-    groups: Integers
-    sources: Integers
-    given: Integers
-    weights: Matrix
-    start_weights: Matrix
-    powers: Matrix
+    groups: Annotated[Integers, "W"]  # the group of each column
+    sources: Annotated[Integers, "W"]  # the column whose increments each column uses
+    given: Annotated[Integers, "W"]  # whether the first increment is given instead of solved for
+    weights: Annotated[Matrix, "C B+2"]  # weights of the pieces of the open block
+    start_weights: Annotated[Matrix, "V*C B+2"]  # weights of V start values
+    powers: Annotated[Matrix, "r W"]  # exponents of r known terms ``amplitude t**power``
 
 
 class StepRows(NamedTuple):
@@ -175,28 +152,20 @@ class StepRows(NamedTuple):
 
     All uniform steps but the first share one row. On meshes, and if orders vary, every step has its
     own row.
-
-    - times (R,): start times of the steps; empty on uniform steps.
-    - theta (R,): the fraction of a step at which the equation holds.
-    - unit (R,): step sizes [time]; length (R,): factor of March.shift that gives the increment of
-      t x'(0).
-    - ratio (R,): the size of a step over that of the step before.
-    - lead, near, scale (C, R): factors of f, of the newest piece and of the increment.
-    - drift (C, R): factors of March.shift; (C, 0) if there are none. If terms use x(0), C rows of
-      factors of x(0) follow, (2 C, R).
     """
 
     first: int
     last: int
-    times: Vector
-    theta: Vector
-    unit: Vector
-    length: Vector
-    ratio: Vector
-    lead: Matrix
-    near: Matrix
-    scale: Matrix
-    drift: Matrix
+    times: Annotated[Vector, "R"]  # start times of the steps; empty on uniform steps
+    theta: Annotated[Vector, "R"]  # the fraction of a step at which the equation holds
+    unit: Annotated[Vector, "R"]  # step sizes [time]
+    length: Annotated[Vector, "R"]  # factor of March.shift that gives the increment of t x'(0)
+    ratio: Annotated[Vector, "R"]  # the size of a step over that of the step before
+    lead: Annotated[Matrix, "C R"]  # factors of f
+    near: Annotated[Matrix, "C R"]  # factors of the newest piece
+    scale: Annotated[Matrix, "C R"]  # factors of the increment
+    # factors of March.shift, (C, R) or (C, 0); if terms use x(0), factors of x(0) follow, (2 C, R)
+    drift: Annotated[Matrix, ". ."]
 
     @property
     def shared(self) -> bool:
@@ -213,84 +182,57 @@ class StepRows(NamedTuple):
 class March(NamedTuple):
     """State of a march; all but counts, monitor, newton and factors is linear in the solution.
 
-    The W columns are the components of the orbit, then those of each tangent.
-
-    - x (W,): the solution, and in its own columns the memory that f reads.
-    - increment, change (W,): the newest increment, and its change from the increment before.
-    - lag (W, B), pieces (W, B + 1): lag and pieces of the open block of B steps.
-    - monitor (d,): records of the stability watch for the d components of the orbit.
-    - shift (W,): x'(0), in the unit that StepRows.length needs, if pieces leave out t x'(0).
-    - drift (W, r): amplitudes of r known terms, or x(0) if StepRows.drift has factors of x(0).
-    - corrections (W, k): corrections of the right-hand side in the first k steps.
-    - starts (W, V): V start values of each column.
-    - last_f (W,): the newest right-hand side.
-    - lacks (W,): lead times the change of f by the last corrector sweep.
-    - newton (2, ., .): the Jacobian, and Newton's matrix, whose factors may be kept
-      (given/newton.py). (3, ., .) with the matrix of the tangents' equations.
-    - row_factors (2, d): factors of the rows of the two matrices, for d components of the orbit.
+    The W columns are the components of the orbit, then those of each tangent. Blocks have B steps.
     """
 
     counts: Counts
-    x: Vector
-    increment: Vector
-    change: Vector
-    lag: Matrix
-    pieces: Matrix
-    monitor: Monitors
-    shift: Vector
-    drift: Matrix
-    corrections: Matrix
-    starts: Matrix
-    last_f: Vector
-    lacks: Vector
-    newton: Cube
-    row_factors: Matrix
+    x: Annotated[Vector, "W"]  # the solution, and in its own columns the memory that f reads
+    increment: Annotated[Vector, "W"]  # the newest increment
+    change: Annotated[Vector, "W"]  # its change from the increment before
+    lag: Annotated[Matrix, "W B"]  # lag of the open block
+    pieces: Annotated[Matrix, "W B+1"]  # pieces of the open block
+    monitor: Annotated[Monitors, "d"]  # of the stability watch, for the d components of the orbit
+    # x'(0), in the unit that StepRows.length needs, if pieces leave out t x'(0)
+    shift: Annotated[Vector, "W"]
+    # amplitudes of r known terms, or x(0) if StepRows.drift has factors of x(0)
+    drift: Annotated[Matrix, "W r"]
+    corrections: Annotated[Matrix, "W k"]  # of the right-hand side in the first k steps
+    starts: Annotated[Matrix, "W V"]  # start values of each column
+    last_f: Annotated[Vector, "W"]  # the newest right-hand side
+    lacks: Annotated[Vector, "W"]  # lead times the change of f by the last corrector sweep
+    # the Jacobian, Newton's matrix (given/newton.py), and that of the tangents if there are any
+    newton: Annotated[Cube, ". . ."]
+    row_factors: Annotated[Matrix, "2 d"]  # factors of the rows of these two matrices
 
 
 class MarchOutput(NamedTuple):
-    """Arrays that a call of the march fills, beginning with step `first`.
+    """Arrays that a call of the march fills, beginning with step `first`."""
 
-    - rows, slopes (k, d): y and y' of d components at the ends of k steps; k = 0 if not wanted.
-    """
-
-    rows: Matrix
-    slopes: Matrix
+    rows: Annotated[Matrix, "k d"]  # y at the ends of k steps; k = 0 if not wanted
+    slopes: Annotated[Matrix, "k d"]  # y' there
     first: int
 
 
 class StepWorkspace(NamedTuple):
-    """Working arrays of one step, for W columns; the first d columns are the orbit.
+    """Working arrays of one step, for W columns; the first d columns are the orbit."""
 
-    - known (W,): the part of the left side that does not depend on this step's increment.
-    - shift (W,): the increment of t x'(0).
-    - scale, lead, near (W,): factors of the increment, of f and of the newest piece.
-    - w, f (W,): increments without shift, and the right-hand side.
-    - moved (W,): the change of w in a corrector sweep or a Newton iteration.
-    - point, base, gain (W,): f is taken at ``point = base + gain w``.
-    - first (W,): the first guess of w in Newton's method.
-    - per_unit (W,): 1 over the sizes in which corrections of Newton's method are compared.
-    - sizes, passed (d,): sizes of the summands of f, all of them and those that are rounding.
-    - noise (d,): |y| of components that are rounding of others, 0 for others.
-    - units (d,): a typical size of each component, for difference quotients of f.
-    """
-
-    known: Vector
-    shift: Vector
-    scale: Vector
-    lead: Vector
-    near: Vector
-    w: Vector
-    f: Vector
-    moved: Vector
-    point: Vector
-    base: Vector
-    gain: Vector
-    first: Vector
-    per_unit: Vector
-    sizes: Vector
-    passed: Vector
-    noise: Vector
-    units: Vector
+    known: Annotated[Vector, "W"]  # part of the left side without this step's increment
+    shift: Annotated[Vector, "W"]  # the increment of t x'(0)
+    scale: Annotated[Vector, "W"]  # factor of the increment
+    lead: Annotated[Vector, "W"]  # factor of f
+    near: Annotated[Vector, "W"]  # factor of the newest piece
+    w: Annotated[Vector, "W"]  # increments without shift
+    f: Annotated[Vector, "W"]  # the right-hand side
+    moved: Annotated[Vector, "W"]  # change of w in a corrector sweep or a Newton iteration
+    point: Annotated[Vector, "W"]  # f is taken at ``point = base + gain w``
+    base: Annotated[Vector, "W"]
+    gain: Annotated[Vector, "W"]
+    first: Annotated[Vector, "W"]  # the first guess of w in Newton's method
+    per_unit: Annotated[Vector, "W"]  # 1 over the sizes in which corrections of w are compared
+    sizes: Annotated[Vector, "d"]  # sizes of the summands of f
+    passed: Annotated[Vector, "d"]  # sizes of the summands of f that are rounding
+    noise: Annotated[Vector, "d"]  # |y| of components that are rounding of others, 0 for others
+    units: Annotated[Vector, "d"]  # typical sizes, for difference quotients of f
 
 
 class GivenWork(NamedTuple):
