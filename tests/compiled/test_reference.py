@@ -1,12 +1,13 @@
 """Records by reference: read as NamedTuples are, safe in their types and in their lifetimes."""
 
 import gc
+import importlib
 import sys
-from typing import Annotated, Any, NamedTuple
+from typing import Annotated, Any, NamedTuple, get_type_hints
 
 import numpy as np
 import pytest
-from numba import config, njit
+from numba import config, njit, types
 from numba.core import event
 
 import hereditary as hd
@@ -14,6 +15,7 @@ from hereditary.compiled.functions import mapped, with_delays, with_switches
 from hereditary.compiled.jacobian import force_at, jacobian_at, right_side
 from hereditary.compiled.jit import (
     RHS_SIG,
+    ComplexVector,
     Matrix,
     Vector,
     as_value,
@@ -23,11 +25,11 @@ from hereditary.compiled.jit import (
     entry,
     inner,
 )
-from hereditary.compiled.records import record
+from hereditary.compiled.records import record, zeros
 from hereditary.compiled.reference import Filled, FunctionField, Reference, by_reference
 from hereditary.functions.assemble import functions_of, switch_of
 from hereditary.functions.build import Start
-from hereditary.given.signatures import MARCH_COUNTS, Counts
+from hereditary.given.signatures import MARCH_COUNTS, Counts, Tables
 
 pytestmark = pytest.mark.core
 
@@ -330,3 +332,33 @@ def test_a_run_changes_nothing_of_the_system(how):
     assert crossed.y[-1, 0] < 0.5  # it has passed a switch
     assert arrays_of(equation.system.functions) == before
     assert equation.params.tolist() == params.tolist()
+
+
+WITH_RECORDS = (
+    "analysis.lyapunov", "collocation.structures", "compiled.functions", "compiled.reach",
+    "compiled.signatures", "given.growing_march", "given.signatures",
+)  # fmt: skip
+
+
+@pytest.mark.parametrize("name", WITH_RECORDS)  # shapes of `Tables` depend on the history
+def test_shapes_of_arrays_have_as_many_axes_as_their_types(name):
+    module = importlib.import_module(f"hereditary.{name}")
+    records = [kind for kind in vars(module).values() if hasattr(kind, "_field_defaults")]
+    hints = [get_type_hints(kind, include_extras=True) for kind in records if kind is not Tables]
+    metadata = [getattr(hint, "__metadata__", (None,)) for each in hints for hint in each.values()]
+    arrays = [each for each in metadata if isinstance(each[0], types.Array)]
+    assert arrays
+    assert all(len(shape.split()) == array.ndim for array, shape in arrays)
+
+
+def test_zeros_have_the_lengths_of_their_letters():
+    class Mixed(NamedTuple):
+        matrix: Annotated[Matrix, "1+k 2*d"]
+        free: Annotated[ComplexVector, "."]
+        n: int
+
+    made = zeros(Mixed, k=2, d=3)
+    assert (made.matrix.shape, made.free.shape, made.n) == ((3, 6), (0,), 0)
+    assert (made.free.dtype, compiled_type(Mixed)[0].ndim) == (complex, 2)
+    with pytest.raises(KeyError):
+        zeros(Mixed, k=2)

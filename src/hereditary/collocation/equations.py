@@ -46,39 +46,20 @@ _MOST_IN_SUM = 4
 class Form:
     """Integral equations of a system.
 
-    Attributes
-    ----------
-    terms : ndarray of `TERM`, shape (n,)
-        Convolution terms: row, integrand (f, p, y or p'), index of the order or kernel, and
-        coefficient. Row c < d is p of component c, row d + c the terms subtracted from its
-        right-hand side. The index is -1 if the term is the integrand itself.
-    offset_of : ndarray of int64, shape (n,)
-        Constant subtracted from the integrand of each term: 0 none, 1 p(0), 2 y(0).
-    orders : ndarray, shape (n_a,)
-        Orders of integration in (0, 1], ascending; the last one is 1.
-    above_one : ndarray of int64, shape (d,)
-        1 if the primary unknown p of a component is y', 0 if it is y.
-    generators : tuple of float
-        Numbers whose sums are the exponents of t in f, p and y near t = 0.
-    implicit : ndarray of int64, shape (d,)
-        1 if p follows from the balance of right-hand side and terms, 2 (`ALGEBRAIC`) if the
-        component has no terms, else 0. Row c is empty in the first two cases.
-    kernels : tuple of MemoryKernel
-        General kernels; their indices follow those of the orders.
-    varying : tuple of VaryingOrder
-        Varying orders; their indices follow those of the kernels.
-    from_zero : tuple of (int, int)
-        Integrand and component of each Riemann-Liouville term with a varying order.
+    Row c < d is p of component c, and row d + c has the terms subtracted from its right-hand side.
     """
 
-    terms: np.ndarray
-    offset_of: np.ndarray
-    orders: np.ndarray
-    above_one: np.ndarray
-    generators: tuple[float, ...]
+    terms: np.ndarray  # (n,), records `TERM`; the index is -1 if the term is the integrand itself
+    offset_of: np.ndarray  # int64 (n,), constant that the integrand loses: 0 none, 1 p(0), 2 y(0)
+    orders: np.ndarray  # (n_a,), orders of integration in (0, 1], ascending; the last one is 1
+    above_one: np.ndarray  # int64 (d,), 1 if the primary unknown p is y', 0 if it is y
+    generators: tuple[float, ...]  # their sums are the exponents of t in f, p and y near t = 0
+    # int64 (d,), 1 if p follows from the balance of right-hand side and terms, 2 (`ALGEBRAIC`) if
+    # the component has no terms, else 0; row c is empty in the first two cases
     implicit: np.ndarray
-    kernels: tuple = ()
-    varying: tuple = ()
+    kernels: tuple = ()  # general kernels; their indices follow those of the orders
+    varying: tuple = ()  # varying orders; their indices follow those of the kernels
+    # integrand and component of each Riemann-Liouville term with a varying order
     from_zero: tuple[tuple[int, int], ...] = ()
 
     @cached_property

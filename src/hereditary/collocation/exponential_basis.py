@@ -49,25 +49,14 @@ _ROUNDING_OF_MODES = 2e-14
 
 @dataclass(frozen=True, eq=False)
 class GridBasis:
-    """Rates on a grid that is even in log(rate), for kernels between two distances.
+    """Rates on a grid that is even in log(rate), for kernels between two distances."""
 
-    Attributes
-    ----------
-    closest, farthest : float
-        Distances between which the sums are accurate [time].
-    tol : float
-        Relative error of the sums [-].
-    rates : ndarray, shape (M,)
-        Ascending [1/time], except a few that do not belong to the grid and come first.
-    spacing : float
-        Spacing of the grid in log(rate), infinite if all kernels are constant.
-    """
-
-    closest: float
-    farthest: float
-    tol: float
+    closest: float  # smallest distance at which the sums are accurate [time]
+    farthest: float  # largest distance at which the sums are accurate [time]
+    tol: float  # relative error of the sums [-]
+    # (M,), ascending [1/time], except a few that do not belong to the grid and come first
     rates: np.ndarray
-    spacing: float
+    spacing: float  # of the grid in log(rate), infinite if all kernels are constant
 
     def refine(self, closest: float) -> Self:
         """Return a basis that is accurate from the distance `closest` on.
@@ -89,20 +78,11 @@ class GridBasis:
 
 @dataclass(frozen=True, eq=False)
 class PowerLawBasis(GridBasis):
-    """Exponential sums of several power laws over one set of rates.
+    """Exponential sums of several power laws over one set of rates."""
 
-    Attributes
-    ----------
-    orders : tuple of float
-        Order of integration a of each kernel.
-    weights : ndarray, shape (len(orders), M)
-    fraction : float
-        Fraction of the tolerance that sets the spacing of the rates.
-    """
-
-    orders: tuple[float, ...]
-    weights: np.ndarray
-    fraction: float
+    orders: tuple[float, ...]  # order of integration a of each kernel
+    weights: np.ndarray  # (len(orders), M)
+    fraction: float  # fraction of the tolerance that sets the spacing of the rates
 
     @property
     def error(self) -> float:
@@ -149,25 +129,14 @@ NO_POWER_LAWS = PowerLawBasis(math.inf, 0.0, 0.0, np.zeros(0), math.inf, (), np.
 
 @dataclass(frozen=True, eq=False)
 class KernelBasis:
-    """Exponential sums of general kernels, to far below the closest distance of steps.
+    """Exponential sums of n general kernels, to far below the closest distance of steps."""
 
-    Attributes
-    ----------
-    sums : tuple of ExponentialSum
-        One for each kernel.
-    masses : ndarray, shape (n,)
-        Integral of each kernel over the smaller distances, minus that of its sum. It is the weight
-        of a point mass at distance 0.
-    farthest : float
-        Distance up to which all sums are accurate [time].
-    errors : KernelErrors
-        Largest relative errors of the sums.
-    """
-
-    sums: tuple[ExponentialSum, ...]
+    sums: tuple[ExponentialSum, ...]  # one for each kernel
+    # (n,), weights of point masses at distance 0: the integral of each kernel over the smaller
+    # distances, minus that of its sum
     masses: np.ndarray
-    farthest: float = math.inf
-    errors: KernelErrors = NO_ERRORS
+    farthest: float = math.inf  # distance up to which all sums are accurate [time]
+    errors: KernelErrors = NO_ERRORS  # largest relative errors of the sums
 
 
 def kernel_basis(

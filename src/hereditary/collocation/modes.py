@@ -34,25 +34,18 @@ _STEPS_MAX = 8
 class Modes(NamedTuple):
     """The sums of a march and what follows from them; M modes, n_a orders and n_k kernels.
 
-    - power_laws, kernels, varying: sums of power laws, of general kernels and of varying orders.
-    - bank: all of them, in this order. Varying orders have weights of 0 there.
-    - weights (n_a + n_k, M): weights of the modes for each fractional integral and kernel.
-    - masses (n_k,): point masses of the kernels at time lag 0. Varying orders are counted in n_k
-      and have zeros.
-    - of_varying (M,): 1 for the modes of varying orders, 0 for others.
-    - basis: the same for compiled code.
-    - key: what the factors of a step length depend on: nodes, rates and kernels.
+    Varying orders are counted in n_k, and have weights and masses of 0.
     """
 
     power_laws: PowerLawBasis
     kernels: KernelBasis
     varying: VaryingBasis
-    bank: Bank
-    weights: np.ndarray
-    masses: np.ndarray
-    of_varying: np.ndarray
-    basis: ExponentialBasis
-    key: tuple
+    bank: Bank  # the three sums above, in this order
+    weights: np.ndarray  # (n_a + n_k, M), of the modes for each fractional integral and kernel
+    masses: np.ndarray  # (n_k,), point masses of the kernels at time lag 0
+    of_varying: np.ndarray  # (M,), 1 for the modes of varying orders, 0 for others
+    basis: ExponentialBasis  # the same for compiled code
+    key: tuple  # what the factors of a step length depend on: nodes, rates and kernels
 
 
 def joined(
@@ -109,19 +102,14 @@ opened_once = lru_cache(maxsize=_MODES_MAX)(opened)
 
 
 class OverStep(NamedTuple):
-    """Values of the modes of one bank over the last step, before which they were 0.
+    """Values of the modes of one bank over the last step, before which they were 0."""
 
-    - decays (M, K): from K points of the step, those of `rule_of_modes`, to its end.
-    - sampled (n, K): the Lagrange polynomials of the n nodes at these points, times the weights of
-      the rule and the step's length.
-    - integrals (M,): of the modes over the step.
-    - at_end (m,): decay of the m rates over the step.
-    """
-
-    decays: np.ndarray
+    decays: np.ndarray  # (M, K), from K points of the step, those of `rule_of_modes`, to its end
+    # (n, K), the Lagrange polynomials of the n nodes at these points, times the weights of the rule
+    # and the step's length
     sampled: np.ndarray
-    integrals: np.ndarray
-    at_end: np.ndarray
+    integrals: np.ndarray  # (M,), of the modes over the step
+    at_end: np.ndarray  # (m,), decay of the m rates over the step
 
 
 def over_step(bank: Bank, variable: Variable, length: float) -> OverStep:

@@ -31,24 +31,14 @@ class FirstPiece(Piece):
     """Dense output on the first step after a singular start.
 
     p is a polynomial of degree n in the variable u of `variable`, a power of time.
-
-    Attributes
-    ----------
-    variable : Variable
-    start, length : float
-        Start and length of the step [time].
-    row : ndarray, shape (d, n)
-        p at the n nodes.
-    y, p : ndarray, shape (d,)
-        y and p at the start of the step.
     """
 
     variable: Variable
-    start: float
-    length: float
-    row: np.ndarray
-    y: np.ndarray
-    p: np.ndarray
+    start: float  # of the step [time]
+    length: float  # of the step [time]
+    row: np.ndarray  # (d, n), p at the n nodes
+    y: np.ndarray  # (d,), y at the start of the step
+    p: np.ndarray  # (d,), p at the start of the step
 
     def edges(self) -> np.ndarray:
         """Return the start time of the step, (1,)."""
@@ -121,22 +111,12 @@ class FirstPiece(Piece):
 
 @dataclass(frozen=True, eq=False)
 class PolynomialPieces(Piece):
-    """Dense output on n consecutive ordinary steps with s nodes.
+    """Dense output on n consecutive ordinary steps with s nodes."""
 
-    Attributes
-    ----------
-    starts, lengths : ndarray, shape (n,)
-        Start and length of each step [time].
-    rows : ndarray, shape (n, d, s)
-        p at the nodes of each step.
-    at_starts : ndarray, shape (n, 2, d)
-        y and then p at the start of each step.
-    """
-
-    starts: np.ndarray
-    lengths: np.ndarray
-    rows: np.ndarray
-    at_starts: np.ndarray
+    starts: np.ndarray  # (n,), of the steps [time]
+    lengths: np.ndarray  # (n,), of the steps [time]
+    rows: np.ndarray  # (n, d, s), p at the nodes of each step
+    at_starts: np.ndarray  # (n, 2, d), y and then p at the start of each step
 
     def edges(self) -> np.ndarray:
         """Return the start time of each step, (n,)."""

@@ -149,16 +149,10 @@ class Reading(Plain):
 
 @dataclass(frozen=True, eq=False)
 class ReadingPiece(Piece):
-    """Dense output of y, and perhaps of its tangents, among the components of a larger system.
-
-    Attributes
-    ----------
-    inner : Piece
-    speeds : ndarray of int64, shape (d,)
-        Number of the component that is y', for each component of y of order above 1; others unused.
-    """
+    """Dense output of y, and perhaps of its tangents, among the components of a larger system."""
 
     inner: Piece
+    # (d,), number of the component that is y' for y of order above 1; others are unused
     speeds: np.ndarray
 
     def edges(self) -> np.ndarray:
@@ -186,23 +180,15 @@ class ReadingPiece(Piece):
 
 
 class Reduced(NamedTuple):
-    """A system in which further components replace the memory that f reads.
+    """A system in which further components replace the memory that f reads."""
 
-    - system: the larger system.
-    - above_one (d,): True if y' of a component of y is an unknown.
-    - speeds (d,): number of the component that is y'.
-    - arguments: entries (row, component, factor) of the matrix from components to the arguments of
-      f.
-    - copies: pairs of component numbers; the first component equals the second one.
-    - convolved: triples of a component, its source and a kernel, whose convolution with the source
-      the component is.
-    """
-
-    system: System
-    above_one: np.ndarray
-    speeds: np.ndarray
+    system: System  # the larger system
+    above_one: np.ndarray  # (d,), True if y' of a component of y is an unknown
+    speeds: np.ndarray  # (d,), number of the component that is y'
+    # entries (row, component, factor) of the matrix from components to the arguments of f
     arguments: list[tuple[int, int, float]]
-    copies: list[tuple[int, int]]
+    copies: list[tuple[int, int]]  # pairs of component numbers; the first equals the second
+    # a component, its source, and the kernel by whose convolution with the source it is made
     convolved: list[tuple[int, int, Any]]
 
 

@@ -34,16 +34,11 @@ _HOLD = 1
 
 
 class StageSolver(NamedTuple):
-    """Solver of the linear systems of all stages, and its arrays.
+    """Solver of the linear systems of all stages, and its arrays."""
 
-    - solver: compiled function with the signature `STAGES_SIG`.
-    - stages: the arrays of the solver, `Stages`.
-    - held: a Python object that compiled code calls by its address, stored to keep it alive.
-    """
-
-    solver: Any
+    solver: Any  # compiled function with the signature `STAGES_SIG`
     stages: Stages
-    held: Any = None
+    held: Any = None  # a Python object that compiled code calls by its address, kept alive
 
 
 def has_stages(form: Form) -> bool:

@@ -4,6 +4,7 @@ The primary unknown p of a component is y, or y' for orders above 1. Letters of 
 
 - d components, s nodes of a step, M exponential modes, k tangents;
 - R rows: row c < d is p of component c, row d + c the terms subtracted from its right-hand side;
+- R_m rows of modes: these R rows, then d rows for each integrand of terms with varying orders;
 - n_q integrands: f, p and y, and p' if an equation needs it;
 - n_a fractional integrals, n_v varying orders, n_k general kernels and varying orders together.
 
@@ -143,12 +144,12 @@ class StepTables(NamedTuple):
 class ModeWeights(NamedTuple):
     """Weights with which a step adds its integrals to the modes (collocation/mode_tables.py).
 
-    K counts the rows that differ: components of one kind share their rows.
+    K_m counts the rows of modes that differ: components of one kind share their rows.
     """
 
-    integrands: Annotated[Cube, "K n_q M"]  # weight of each integrand in each mode
-    used: Annotated[IntegerMatrix, "K n_q"]  # 1 if an integrand has a nonzero weight in any mode
-    offsets: Annotated[Cube, "1+k R_o M"]  # of constant offsets; R_o is R, or 0 if all are 0
+    integrands: Annotated[Cube, "K_m n_q M"]  # weight of each integrand in each mode
+    used: Annotated[IntegerMatrix, "K_m n_q"]  # 1 if an integrand has a nonzero weight in any mode
+    offsets: Annotated[Cube, "1+k R_o M"]  # of constant offsets; R_o is R_m, or 0 if all are 0
     part: Annotated[Vector, "M"]  # work array
     coefficients: Annotated[Vector, "s"]  # work array
 
@@ -169,8 +170,8 @@ class OrbitArrays(NamedTuple):
     initial: Annotated[Matrix, "1+k d"]
     x: Annotated[Matrix, "1+k d"]  # y at the present time
     p: Annotated[Matrix, "1+k d"]  # the primary unknown at the present time
-    modes: Annotated[Cube, "1+k R M"]  # modes at the end of the last step
-    before: Annotated[Cube, "1+k R M"]  # modes at the start of the last step
+    modes: Annotated[Cube, "1+k R_m M"]  # modes at the end of the last step
+    before: Annotated[Cube, "1+k R_m M"]  # modes at the start of the last step
     last: Annotated[Cubes, "1+k n_q d s"]  # the integrands at the nodes of the last step
 
 

@@ -95,19 +95,13 @@ class Tolerance(NamedTuple):
 
 
 class ErrorPolicy(NamedTuple):
-    """Allowed errors of a run: what the user's tolerances mean for each purpose.
+    """Allowed errors of a run: what the user's tolerances mean for each purpose."""
 
-    - rtol, atol: the user's tolerances, as in `Tolerance`.
-    - of_run: errors of y at any time.
-    - of_step: errors of one step.
-    - of_modes: relative error of the modes.
-    """
-
-    rtol: float
+    rtol: float  # the user's, as `atol`
     atol: float | tuple[float, ...] | None
-    of_run: Allowed
-    of_step: Allowed
-    of_modes: float
+    of_run: Allowed  # errors of y at any time
+    of_step: Allowed  # errors of one step
+    of_modes: float  # relative error of the modes
 
     @classmethod
     def of(cls, tolerance: Tolerance, atol: np.ndarray) -> ErrorPolicy:

@@ -37,7 +37,7 @@ def take_workspace(
     Parameters
     ----------
     form : Form
-    modes : ndarray, shape (1 + k, R, M)
+    modes : ndarray, shape (1 + k, R_m, M)
         Modes of the orbit and of k tangents.
     s : int
         Number of nodes of a step.
@@ -51,13 +51,14 @@ def take_workspace(
     def make() -> Workspace:
         own = solver or stage_solver(None, form, s)
         d, jacobians, n_kinds = form.kinds.size, own.stages.jacobians, int(form.kinds.max()) + 1
-        sizes = {"R": form.n_rows, "K": form.n_rows // d * n_kinds, "M": modes.shape[2]}
-        sizes |= {"k": len(modes) - 1, "n_q": form.n_integrands, "d": d, "s": s, "m": 2}
+        sizes = {"R": form.n_rows, "K": form.n_rows // d * n_kinds, "m": 2, "d": d, "s": s}
+        sizes |= {"k": len(modes) - 1, "M": modes.shape[2]}
+        sizes |= {"n_q": form.n_integrands, "K_m": modes.shape[1] // d * n_kinds}
         work = zeros(StageWorkspace, **sizes)
         if len(jacobians) == 1:  # the stages of many components share one Jacobian
             jacobians = np.zeros((s if len(modes) > 1 else 0, *jacobians.shape[1:]))
         work = work._replace(nodal_change=work.change.reshape(d, s), jacobians=jacobians)
-        weights = zeros(ModeWeights, R_o=form.n_rows if offsets else 0, **sizes)
+        weights = zeros(ModeWeights, R_o=modes.shape[1] if offsets else 0, **sizes)
         operators = zeros(Operators, **sizes)
         return Workspace(own, checked(operators), checked(weights), checked(work))
 

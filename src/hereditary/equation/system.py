@@ -37,6 +37,7 @@ class System:
     # `n_solved` of them have an equation. The others are memory that the right-hand side reads:
     # each is a term of its source, one of the first components.
 
+    # operators with coefficients: of the left side, or of the term that a memory component is
     left: Iterable[SystemTerm]  # a tuple from __post_init__ on
     y0: np.ndarray  # (m, d): y(0), and y'(0) if m = 2; those of the source for memory
     functions: Functions = field(default_factory=no_functions)  # f, its Jacobian and parameters

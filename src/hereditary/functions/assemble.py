@@ -103,19 +103,14 @@ def functions_of(
 
 
 class _Part(NamedTuple):
-    """One function of a user, and what the record has of it.
+    """One function of a user, and what the record has of it."""
 
-    - name: argument of the equation, for messages; field: its field in `Functions`.
-    - compiled, in_python: further fields of the record, if it is compiled or called in Python.
-    - shape: that of its values, in real numbers.
-    """
-
-    name: str
+    name: str  # argument of the equation, for messages
     function: Function
-    field: str
-    compiled: dict[str, int]
-    in_python: dict[str, int]
-    shape: tuple[int, ...]
+    field: str  # its field in `Functions`
+    compiled: dict[str, int]  # further fields of the record, if it is compiled
+    in_python: dict[str, int]  # further fields of the record, if it is called in Python
+    shape: tuple[int, ...]  # that of its values, in real numbers
 
 
 # Field, form and signature of a right-hand side, by whether it reads memory and is complex.

@@ -428,21 +428,15 @@ class Start(NamedTuple):
 
 
 class Candidate(NamedTuple):
-    """A user's function with all that its checks need.
+    """A user's function with all that its checks need."""
 
-    - name, out: names of the function and of its output array, for messages.
-    - fun: the function, or numba's dispatcher of one.
-    - start: arguments of the trial calls; shape: that of the values; signature: numba's.
-    - hint: ``hint()`` is appended to messages about errors in the function.
-    """
-
-    name: str
-    out: str
-    fun: Any
-    start: Start
-    shape: tuple[int, ...]
-    signature: Any
-    hint: Callable[[], str]
+    name: str  # of the function, for messages
+    out: str  # of its output array, for messages
+    fun: Any  # the function, or numba's dispatcher of one
+    start: Start  # arguments of the trial calls
+    shape: tuple[int, ...]  # that of the values
+    signature: Any  # numba's
+    hint: Callable[[], str]  # ``hint()`` is appended to messages about errors in the function
 
     @property
     def plain(self) -> Any:

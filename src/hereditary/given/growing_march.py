@@ -137,20 +137,14 @@ def transform_march(state, memory, d, lasting, matrix):
 
 
 class Renormalisations(NamedTuple):
-    """Functions and arrays for the renormalisations of k tangents during a march.
-
-    - march: the compiled march; schedule: when renormalisations are due.
-    - above (.,): components of order above 1, whose slopes are part of Phi.
-    - columns (n_data, k): Phi, or Q; inverse (k, k): the inverse of R.
-    - grown (n, 1 + k): for each renormalisation its step, and the logarithms of R's diagonal.
-    """
+    """Functions and arrays for n renormalisations of k tangents during a march."""
 
     march: Annotated[Any, FunctionField(MARCH_SIG)]
-    schedule: Annotated[np.void, from_dtype(SCHEDULE)]
-    above: Integers
-    columns: Matrix
-    inverse: Matrix
-    grown: Matrix
+    schedule: Annotated[np.void, from_dtype(SCHEDULE)]  # when renormalisations are due
+    above: Annotated[Integers, "."]  # components of order above 1, whose slopes are part of Phi
+    columns: Annotated[Matrix, "n_data k"]  # Phi, or Q
+    inverse: Annotated[Matrix, "k k"]  # the inverse of R
+    grown: Annotated[Matrix, "n 1+k"]  # step of each, and the logarithms of R's diagonal
 
 
 @entry(

@@ -18,17 +18,12 @@ from .signatures import March
 
 
 class NewtonSetup(NamedTuple):
-    """Linear solver of Newton's method.
+    """Linear solver of Newton's method."""
 
-    - solver: the compiled function; tables: its tables.
-    - workspace: array for the Jacobian and the matrices, `March.newton`.
-    - held: keeps a reference to the Python function that `solver` may call.
-    """
-
-    solver: Any
+    solver: Any  # the compiled function
     tables: LinearSolver
-    workspace: np.ndarray
-    held: Any = None
+    workspace: np.ndarray  # `March.newton`, for the Jacobian and the matrices
+    held: Any = None  # keeps a reference to the Python function that `solver` may call
 
     def taken_over(self, march: March) -> np.ndarray:
         """Return `workspace` with the matrices of a restored march.

@@ -150,55 +150,27 @@ def _total(pieces: Iterator[Any], n: int) -> np.ndarray:
 
 @dataclass(frozen=True)
 class Plan:
-    """Coefficients of a scheme for one equation with d components, with one step or on a mesh.
+    """Coefficients of a scheme for one equation with d components, with one step or on a mesh."""
 
-    Attributes
-    ----------
-    past : Convolution or RowSums
-        Sums that the history computes; `History.open` makes the memory for these sums.
-    rows : StepRows
-        Coefficients of the steps. If each step has its own, blocks have one step.
-    groups : ndarray of int64, shape (d,)
-        Group of each component; components of a group have the same terms.
-    initial, increments : ndarray, shape (d,)
-        y(0), and the increment before the first step.
-    shift : ndarray, shape (d,)
-        If pieces leave out t y'(0), y'(0) in the unit of ``rows.length``; otherwise 0.
-    sweeps : int
-        Number of corrector sweeps in a step.
-    integral : bool
-        Whether the pieces are values of the right-hand side instead of increments.
-    given : ndarray of int64, shape (d,), or None
-        1 if an explicit scheme does not solve for the first increment, but takes it from
-        `increments`.
-    powers, drift : ndarray, shape (r, d)
-        r known terms ``drift t**power`` on the left side. If each step has its own rows, `drift` is
-        y(0) for Riemann-Liouville terms.
-    corrections : ndarray, shape (k, d)
-        Corrections of the right-hand side in the first k steps.
-    starts : ndarray, shape (V, d)
-        V start values of each component, whose weights are in `past`.
-    lasting : bool
-        Whether `corrections` extend beyond the first few steps.
-    slowest : float
-        Growing turns of increments are watched if they are at most this many steps apart. 0 turns
-        the watch off, for schemes without a step limit.
-    """
-
-    past: Any
-    rows: StepRows
-    groups: np.ndarray
-    initial: np.ndarray
-    increments: np.ndarray
+    past: Any  # `Convolution` or `RowSums` that the history computes, by `History.open`
+    rows: StepRows  # coefficients of the steps; if each step has its own, blocks have one step
+    groups: np.ndarray  # int64 (d,), group of each component; those of a group have the same terms
+    initial: np.ndarray  # (d,), y(0)
+    increments: np.ndarray  # (d,), the increment before the first step
+    # (d,), y'(0) in the unit of ``rows.length`` if pieces leave out t y'(0); otherwise 0
     shift: np.ndarray
-    sweeps: int = 0
-    integral: bool = False
+    sweeps: int = 0  # number of corrector sweeps in a step
+    integral: bool = False  # whether the pieces are values of f instead of increments
+    # int64 (d,), 1 if an explicit scheme takes the first increment from `increments`
     given: np.ndarray | None = None
-    powers: np.ndarray | None = None
+    powers: np.ndarray | None = None  # (r, d), of r known terms ``drift t**power`` on the left side
+    # (r, d), of these terms; if each step has its own rows, y(0) for Riemann-Liouville terms
     drift: np.ndarray | None = None
-    corrections: np.ndarray | None = None
-    starts: np.ndarray | None = None
-    lasting: bool = False
+    corrections: np.ndarray | None = None  # (k, d), of the right-hand side in the first k steps
+    starts: np.ndarray | None = None  # (V, d), start values, whose weights are in `past`
+    lasting: bool = False  # whether `corrections` extend beyond the first few steps
+    # largest number of steps between growing turns of increments that are watched; 0 turns the
+    # watch off, for schemes without a step limit
     slowest: float = 0.0
 
 

@@ -98,21 +98,11 @@ def mesh_steps(
 
 @dataclass(frozen=True)
 class UniformSteps:
-    """Steps of one length from 0 on.
+    """Steps of one length from 0 on."""
 
-    Attributes
-    ----------
-    h : float
-        Step [time].
-    n : int
-        Number of steps of the run.
-    span : int
-        Number of steps that the history of the run covers; 0 before the run begins.
-    """
-
-    h: float
-    n: int = 0
-    span: int = 0
+    h: float  # step [time]
+    n: int = 0  # number of steps of the run
+    span: int = 0  # number of steps that the history of the run covers; 0 before the run begins
 
     def covered(self, n_steps: int, horizon: float) -> int:
         """Return the number of steps that the history must cover: the run's, or up to `horizon`."""
@@ -152,18 +142,10 @@ class UniformSteps:
 
 @dataclass(frozen=True, eq=False)
 class MeshSteps:
-    """Steps between the times of a mesh.
+    """Steps between the times of a mesh."""
 
-    Attributes
-    ----------
-    mesh : ndarray, shape (n+1,)
-        Times t_0 to t_n, t_0 = 0 [time].
-    span : Span
-        Range of time lags that the history must cover.
-    """
-
-    mesh: np.ndarray
-    span: Span
+    mesh: np.ndarray  # (n+1,), times t_0 to t_n, t_0 = 0 [time]
+    span: Span  # range of time lags that the history must cover
 
     h: ClassVar[float] = 0.0
 

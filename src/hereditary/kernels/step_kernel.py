@@ -133,7 +133,7 @@ class StepKernel:
     """The kernel ``K(h t)``, t in steps of h [time], with the methods of `PowerSteps`."""
 
     kernel: MemoryKernel | Integrated
-    h: float
+    h: float  # step [time]
 
     amplitude = 1.0
 

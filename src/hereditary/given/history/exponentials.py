@@ -141,16 +141,12 @@ class SumOfExponentials(History):
 
 
 class _Tabulated(NamedTuple):
-    """Tables and errors of a sum of exponentials on uniform steps.
+    """Tables and errors of a sum of exponentials on uniform steps."""
 
-    - tables: those of `exchange_modes`; blocks: weights of pieces and start values inside blocks.
-    - pad: number of rates that only fill up a multiple of `_PAD`; errors: those of the kernels.
-    """
-
-    tables: Tables
-    blocks: tuple
-    pad: int
-    errors: KernelErrors
+    tables: Tables  # those of `exchange_modes`
+    blocks: tuple  # weights of pieces and start values inside blocks
+    pad: int  # number of rates that only fill up a multiple of `_PAD`
+    errors: KernelErrors  # those of the kernels
 
 
 def _tabulated(convolution: Convolution, covered: float, tol: float, n_block: int) -> _Tabulated:
