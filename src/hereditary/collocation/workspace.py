@@ -38,7 +38,7 @@ def take_workspace(
     ----------
     form : Form
     modes : ndarray, shape (1 + k, R_m, M)
-        Modes of the orbit and of k tangents.
+        Modes of the orbit and of k tangents; R_m as in structures.py.
     s : int
         Number of nodes of a step.
     offsets : bool
