@@ -19,16 +19,12 @@ from typing import Annotated, Any, NamedTuple
 import numpy as np
 from numba import config, types
 from numba.extending import intrinsic
+from numba.np.arrayobj import populate_array
 from numpy.typing import ArrayLike
 
 from .callbacks import PythonRaised, call_at
 from .jit import (
-    COMPLEX_MEMORY_RHS_SIG,
-    COMPLEX_RHS_SIG,
     F8,
-    JAC_SIG,
-    MEMORY_JAC_SIG,
-    MEMORY_RHS_SIG,
     RHS_SIG,
     VEC,
     Cubes,
@@ -42,12 +38,10 @@ from .jit import (
 )
 from .reference import FunctionField, Reference
 
-# How g is called: by arguments (t, y), real or complex, with memory or without; by an address of a
-# C function that enters Python; or it is 0.
-REAL, READING, COMPLEX, COMPLEX_READING, IN_PYTHON, ZERO = range(6)
-# How its Jacobian is called: it is left out; it fills a matrix, a vector of entries, or, in two
-# parts, a matrix from memory too; it is called in Python; it is 0.
-BY_DIFFERENCES, A_MATRIX, ENTRIES, IN_TWO_PARTS, JAC_IN_PYTHON, CONSTANT = range(6)
+# What g reads: y, or memory too, or nothing, because it is 0.
+OF_Y, OF_MEMORY, ZERO = range(3)
+# What its Jacobian is: left out, or given, or 0.
+BY_DIFFERENCES, GIVEN, CONSTANT = range(3)
 # Coefficients of a polynomial of a delay. Steps of collocation have at most as many.
 N_COEFFICIENTS = 10
 
@@ -118,43 +112,36 @@ class Switches(NamedTuple):
 class Functions(NamedTuple):
     """A user's functions and parameters, and what stands around them.
 
-    The functions from `rhs` to `complex_reading` are g, and those from `jac` to `jac_memory` its
-    Jacobian. One of each is called; the others are `absent`.
+    What is not called is `_ABSENT`.
     """
 
     params: Annotated[Vector, "p"]  # the user's parameters
-    rhs: Annotated[Any, FunctionField(RHS_SIG)]
-    reading: Annotated[Any, FunctionField(MEMORY_RHS_SIG)]
-    complex: Annotated[Any, FunctionField(COMPLEX_RHS_SIG)]
-    complex_reading: Annotated[Any, FunctionField(COMPLEX_MEMORY_RHS_SIG)]
-    jac: Annotated[Any, FunctionField(JAC_SIG)]
-    jac_entries: Annotated[Any, FunctionField(RHS_SIG)]
-    jac_reading: Annotated[Any, FunctionField(MEMORY_JAC_SIG)]
-    jac_memory: Annotated[Any, FunctionField(MEMORY_JAC_SIG)]
-    in_python: Annotated[Integers, "3"]  # C functions in place of g, its Jacobian, and by memory
+    rhs: Annotated[Any, FunctionField(RHS_SIG)]  # g
+    jac: Annotated[Any, FunctionField(RHS_SIG)]  # the Jacobian of g
+    jac_memory: Annotated[Any, FunctionField(RHS_SIG)]  # that by memory
+    in_python: Annotated[Integers, "3"]  # C functions in their place, which enter Python, or 0
     rows: Annotated[Integers, "k"]  # of entries of a Jacobian of few components; none if dense
     columns: Annotated[Integers, "k"]  # of these entries
-    places: Annotated[Integers, "k"]  # their index in the array of the user, -1 for none
+    places: Annotated[Integers, "k"]  # their index in the values of the user, -1 for none
     maps: Maps
     delays: Delays
     switches: Switches
     start: float  # time of the user at time 0
     n: int  # number of values of g, in real numbers
-    form: int  # which of the functions g is
-    jac_form: int  # which of the functions its Jacobian is
-    jac_rows: int  # shape of the array of the user for the Jacobian
-    jac_columns: int
+    form: int  # what g reads
+    jac_form: int  # what its Jacobian is
+    jac_size: int  # number of values of the user's Jacobian
 
     @property
     def bare(self) -> bool:
-        """Whether nothing but a start stands around g, which is real and compiled."""
+        """Whether nothing but a start stands around g, which is compiled and reads no memory."""
         layers = self.maps.starts.size + self.delays.rows.size + self.switches.signs.size
-        return self.form == REAL and not layers
+        return self.form == OF_Y and not (layers or self.in_python[0])
 
     @property
     def code(self) -> tuple[Any, ...]:
         """The user's compiled functions."""
-        return tuple(getattr(self, name) for name in self._fields[_CODE])
+        return self.rhs, self.jac, self.jac_memory
 
     @property
     def has_jac(self) -> bool:
@@ -176,8 +163,6 @@ class Functions(NamedTuple):
         return self._replace(switches=self.switches._replace(signs=signs), delays=delays)
 
 
-# Fields of a record that are functions.
-_CODE = slice(1, 9)
 _FUNCTIONS = Reference(compiled_type(Functions))
 # Signature of ``compose(functions, t, x, out, params)``, which sets out = f(t, x).
 _COMPOSE_SIG = types.void(_FUNCTIONS, F8, VEC, VEC, VEC)
@@ -191,39 +176,33 @@ class Force(NamedTuple):
     bare: int
 
 
-@lru_cache
-def absent(signature: Any) -> Any:
-    """Return what stands for a function that is not called."""
-    return SimpleNamespace(address=0, of_signature=signature)
-
-
-# What stands for `compose` where it is not called; numba's signatures take 20 us to hash.
-_NOT_COMPOSED = absent(_COMPOSE_SIG)
+# What stands for functions that are not called.
+_ABSENT = SimpleNamespace(address=0, of_signature=RHS_SIG)
+_NOT_COMPOSED = SimpleNamespace(address=0, of_signature=_COMPOSE_SIG)
 
 
 @lru_cache
 def no_functions() -> Functions:
     """Return a record without functions, parameters, and whatever stands around functions."""
     none, nothing = np.zeros(0, dtype=np.int64), np.zeros(0)
-    fields: dict[str, Any] = {
-        "params": nothing,
-        "in_python": np.zeros(3, dtype=np.int64),
-        "rows": none,
-        "columns": none,
-        "places": none,
-        "maps": Maps(nothing, np.zeros(1, dtype=np.int64), none),
-        "delays": Delays(none, none, np.zeros((0, 1)), np.zeros((0, 0, 0, 0))),
-        "switches": Switches(none, nothing, 0, 0),
-        "start": 0.0,
-        "n": 0,
-        "form": ZERO,
-        "jac_form": CONSTANT,
-        "jac_rows": 0,
-        "jac_columns": 0,
-    }
-    signatures = (kind.signature for kind in tuple(compiled_type(Functions))[_CODE])
-    functions = dict(zip(Functions._fields[_CODE], map(absent, signatures), strict=True))
-    return Functions(**fields, **functions)
+    return Functions(
+        params=nothing,
+        rhs=_ABSENT,
+        jac=_ABSENT,
+        jac_memory=_ABSENT,
+        in_python=np.zeros(3, dtype=np.int64),
+        rows=none,
+        columns=none,
+        places=none,
+        maps=Maps(nothing, np.zeros(1, dtype=np.int64), none),
+        delays=Delays(none, none, np.zeros((0, 1)), np.zeros((0, 0, 0, 0))),
+        switches=Switches(none, nothing, 0, 0),
+        start=0.0,
+        n=0,
+        form=ZERO,
+        jac_form=CONSTANT,
+        jac_size=0,
+    )
 
 
 def of_user(params: np.ndarray, n: int, **fields: Any) -> Functions:
@@ -335,6 +314,34 @@ else:
         return FunctionField(RHS_SIG)(types.int64), codegen
 
 
+def _views_of(typing_context, z, n, unit):
+    """Return the first of n rows of z, the others, and all of them, with numbers like `unit`.
+
+    Compiled code keeps z alive, and counts no references to the views. With NumPy's slices and
+    shapes they would take as long to compile as a user's function.
+    """
+    kinds = types.Tuple([types.Array(unit, axes, "C") for axes in (1, 2, 2)])
+
+    def codegen(context, builder, signature, values):
+        source, n = context.make_array(z)(context, builder, values[0]), values[1]
+        number, word = context.get_data_type(unit), n.type
+        size = word(context.get_abi_sizeof(number))
+        width = builder.udiv(builder.mul(source.nitems, source.itemsize), builder.mul(n, size))
+        data = builder.bitcast(source.data, number.as_pointer())
+        places = data, builder.gep(data, [width]), data
+        shapes, arrays = ([width], [builder.sub(n, word(1)), width], [n, width]), []
+        for kind, place, shape in zip(kinds, places, shapes, strict=True):
+            array = context.make_array(kind)(context, builder)
+            strides = [builder.mul(width, size), size][-len(shape) :]
+            arrays.append(populate_array(array, place, shape, strides, size, None)._getvalue())
+        return context.make_tuple(builder, kinds, arrays)
+
+    return kinds(z, types.intp, unit), codegen
+
+
+views_of: Any = intrinsic(_views_of)
+
+
 @inner
 def set_force(force, t, x, out):
     """Set out = f(t, x), both (n,)."""
@@ -410,13 +417,13 @@ def set_slopes(functions, t, x, out):
 
 @inner(allocates=True)
 def slopes_of_user(functions, t, x):
-    """Return the array that the user's Jacobian fills, (jac_rows, jac_columns)."""
+    """Return the values of the user's Jacobian, (jac_size,)."""
     if functions.switches.signs.shape[0] > 0:
         x = _copied(x)
         t = _to_the_side(functions, t, x)
-    filled = np.zeros((functions.jac_rows, functions.jac_columns))
-    _own_slopes(functions, t + functions.start, x, filled)
-    return filled
+    values = np.zeros(functions.jac_size)
+    _own_slopes(functions, t + functions.start, x, values)
+    return values
 
 
 @inner(allocates=True)
@@ -516,32 +523,13 @@ def _add_product(matrix, x, out):
 @inner(allocates=True)
 def _inner(functions, t, x, out, params):
     """Set out to the values of g, followed by 0 for the memory among the components x (n,)."""
-    n = functions.n
-    _own_values(functions, t + functions.start, _all_rows(functions, t, x), out[:n], params)
-    for i in range(n, out.shape[0]):
+    n, z = functions.n, _all_rows(functions, t, x)
+    if functions.in_python[0] != 0:
+        call_at_place(functions.in_python[0], t + functions.start, z, out[:n])
+    elif functions.form != ZERO:
+        functions.rhs(t + functions.start, z, out[:n], params)
+    for i in range(0 if functions.form == ZERO else n, out.shape[0]):
         out[i] = 0.0
-
-
-@inner(allocates=True)
-def _own_values(functions, t, z, out, params):
-    """Set out (n,) = g(t, z); z is y and then memory."""
-    n, form = out.shape[0], functions.form
-    k = z.shape[0] // n - 1
-    if form == REAL:
-        functions.rhs(t, z, out, params)
-    elif form == READING:
-        functions.reading(t, z[:n], z[n:].reshape((k, n)), out, params)
-    elif form == COMPLEX:
-        functions.complex(t, z.view(np.complex128), out.view(np.complex128), params)
-    elif form == COMPLEX_READING:
-        y, memory = z[:n].view(np.complex128), z[n:].view(np.complex128)
-        rows, values = memory.reshape((k, n // 2)), out.view(np.complex128)
-        functions.complex_reading(t, y, rows, values, params)
-    elif form == IN_PYTHON:
-        call_at_place(functions.in_python[0], t, z, out)
-    else:
-        for i in range(n):
-            out[i] = 0.0
 
 
 @inner(allocates=True)
@@ -552,16 +540,17 @@ def _inner_slopes(functions, t, x, out):
     t += functions.start
     by_y, by_memory = np.zeros((n, n)), np.empty((n, z.shape[0] - n))
     if functions.places.shape[0] > 0:
-        filled = np.zeros((functions.jac_rows, functions.jac_columns))
-        _own_slopes(functions, t, z, filled)
-        values = filled.reshape(filled.size)
+        values = np.zeros(functions.jac_size)
+        _own_slopes(functions, t, z, values)
         for k in range(functions.places.shape[0]):
             value = values[functions.places[k]] if functions.places[k] >= 0 else 0.0
             by_y[functions.rows[k], functions.columns[k]] = value
     else:
-        _own_slopes(functions, t, z, by_y)
-    if by_memory.shape[1] > 0:
-        _slopes_by_memory(functions, t, z, by_memory)
+        _own_slopes(functions, t, z, by_y.reshape(n * n))
+    if by_memory.size > 0 and functions.in_python[2] != 0:
+        call_at_place(functions.in_python[2], t, z, by_memory)
+    elif by_memory.size > 0:
+        functions.jac_memory(t, z, by_memory.reshape(by_memory.size), functions.params)
     for i in range(out.shape[0]):
         column = 0
         for j in range(z.shape[0]):
@@ -576,27 +565,11 @@ def _inner_slopes(functions, t, x, out):
 
 @inner(allocates=True)
 def _own_slopes(functions, t, z, out):
-    """Set out to dg / dy, as the user's function fills it; z is y and then memory."""
-    form, params, n = functions.jac_form, functions.params, functions.n
-    if form == A_MATRIX:
-        functions.jac(t, z, out, params)
-    elif form == ENTRIES:
-        functions.jac_entries(t, z, out[0], params)
-    elif form == IN_TWO_PARTS:
-        functions.jac_reading(t, z[:n], z[n:].reshape((z.shape[0] // n - 1, n)), out, params)
-    elif form == JAC_IN_PYTHON:
+    """Set out to dg / dy, as the user's function fills it, (jac_size,); z is y and then memory."""
+    if functions.jac_form == GIVEN and functions.in_python[1] != 0:
         call_at_place(functions.in_python[1], t, z, out)
-
-
-@inner(allocates=True)
-def _slopes_by_memory(functions, t, z, out):
-    """Set out = dg / dmemory, (n, k n); z is y and then memory."""
-    n = functions.n
-    if functions.in_python[2] != 0:
-        call_at_place(functions.in_python[2], t, z, out)
-    else:
-        memory = z[n:].reshape((z.shape[0] // n - 1, n))
-        functions.jac_memory(t, z[:n], memory, out, functions.params)
+    elif functions.jac_form == GIVEN:
+        functions.jac(t, z, out, functions.params)
 
 
 @inner(allocates=True)

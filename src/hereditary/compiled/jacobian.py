@@ -9,7 +9,7 @@ Systems of at most `FEW` components are always dense, so that d is never 5 for a
 import numpy as np
 
 from .functions import (
-    A_MATRIX,
+    GIVEN,
     Functions,
     force_of,
     set_force,
@@ -92,7 +92,7 @@ def magnitudes(j_f, x, out):
 def given_jacobian(force, t, y, units, out):
     """Set `out` to the Jacobian by the user's function; return 0, the number of calls of f."""
     functions = force.functions
-    functions.jac(t + functions.start, y, out, functions.params)
+    functions.jac(t + functions.start, y, out.reshape(out.size), functions.params)
     return 0
 
 
@@ -106,8 +106,7 @@ def composed_jacobian(force, t, y, units, out):
 @plug_in
 def entries_jacobian(force, t, y, units, out):
     """Set the values of a sparse Jacobian by the user's function; return 0."""
-    filled = slopes_of_user(force.functions, t, y)
-    values = filled.reshape(filled.size)
+    values = slopes_of_user(force.functions, t, y)
     for k in range(out.shape[1]):
         place = int(out[GROUPS, k])
         out[VALUES, k] = out[CONSTANTS, k] + (values[place] if place >= 0 else 0.0)
@@ -214,7 +213,8 @@ def right_side(functions: Functions, sparse: bool, by_params: int = 0) -> RightS
     elif sparse:
         how = entries_jacobian
     else:
-        bare = functions.bare and functions.jac_form == A_MATRIX and not functions.places.size
+        given = functions.jac_form == GIVEN and not functions.in_python[1]
+        bare = functions.bare and given and not functions.places.size
         how = given_jacobian if bare else composed_jacobian
     how = as_value(how, JACOBIAN_SIG)
     return checked(RightSide(force_of(functions), how, by_params))

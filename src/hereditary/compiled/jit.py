@@ -31,16 +31,14 @@ CUBE = types.Array(F8, 3, "C")
 CUBES = types.Array(F8, 4, "C")
 IVEC = types.Array(I8, 1, "C")
 _C16 = types.complex128
-_CVEC = types.Array(_C16, 1, "C")
-_CMAT = types.Array(_C16, 2, "C")
 # Annotations for the fields of NamedTuples that compiled code reads, each with numba's type.
 Vector: TypeAlias = Annotated[np.ndarray, VEC]
 Matrix: TypeAlias = Annotated[np.ndarray, MAT]
 Cube: TypeAlias = Annotated[np.ndarray, CUBE]
 Cubes: TypeAlias = Annotated[np.ndarray, CUBES]
 Integers: TypeAlias = Annotated[np.ndarray, IVEC]
-ComplexVector: TypeAlias = Annotated[np.ndarray, _CVEC]
-ComplexMatrix: TypeAlias = Annotated[np.ndarray, _CMAT]
+ComplexVector: TypeAlias = Annotated[np.ndarray, types.Array(_C16, 1, "C")]
+ComplexMatrix: TypeAlias = Annotated[np.ndarray, types.Array(_C16, 2, "C")]
 ComplexCube: TypeAlias = Annotated[np.ndarray, types.Array(_C16, 3, "C")]
 
 
@@ -64,17 +62,10 @@ def checked(part):
     return as_checked(part, compiled_type(cls))
 
 
-# Signature of a right-hand side ``rhs(t, y, dy, params)``, which fills dy (d,) for d components.
+# Signature of a right-hand side or its Jacobian, ``rhs(t, z, out, params)``, which fills `out`. z
+# has the d components, followed by the k rows of memory that are read, ((1 + k) d,). `out` has the
+# values (d,), or the rows of a Jacobian, one after another. A complex number is two real ones.
 RHS_SIG = types.void(F8, VEC, VEC, VEC)
-# The same for complex components.
-COMPLEX_RHS_SIG = types.void(F8, _CVEC, _CVEC, VEC)
-# Signatures of ``rhs(t, y, memory, dy, params)``, with memory (k, d).
-MEMORY_RHS_SIG = types.void(F8, VEC, MAT, VEC, VEC)
-COMPLEX_MEMORY_RHS_SIG = types.void(F8, _CVEC, _CMAT, _CVEC, VEC)
-# Signature of a Jacobian ``jac(t, y, jacobian, params)``, which fills the jacobian (d, d).
-JAC_SIG = types.void(F8, VEC, MAT, VEC)
-# Signature of a Jacobian ``jac(t, y, memory, jacobian, params)``, also of that by memory, (d, k d).
-MEMORY_JAC_SIG = types.void(F8, VEC, MAT, MAT, VEC)
 
 
 # Least thresholds of Python's garbage collector, as in gc.set_threshold, while functions are
@@ -214,13 +205,13 @@ def _refuse_arrays(result):
             )
 
 
-def derived(fun, allocates=True, wrapped=True):
-    """Return a compiled function that calls a user's functions, for this process only.
+def derived(fun, allocates=True):
+    """Return a function that calls a user's functions, compiled for this process only.
 
     `allocates` is False if it neither makes nor returns arrays; then numba counts no references.
-    Python may call it only if it is `wrapped`.
+    Python cannot call it.
     """
-    how = _counting(allocates) | internals.without("cfunc", *["cpython"] * (not wrapped))
+    how = _counting(allocates) | internals.without("cfunc", "cpython")
     return njit(error_model="numpy", nogil=True, **how)(fun)
 
 
@@ -297,29 +288,22 @@ class entry:
         return call
 
 
-@entry(FunctionField(RHS_SIG), F8, VEC, VEC, VEC)
-def _call(function, t, y, dy, params):
-    """Call a right-hand side; this is the way from Python."""
-    function(t, y, dy, params)
+@entry(FunctionField(RHS_SIG), *RHS_SIG.args)
+def _call(function, t, z, out, params):
+    """Call a function of a user; this is the way from Python."""
+    function(t, z, out, params)
 
 
-class _RightHandSide:
-    """A right-hand side of `derived`, as the value of a field of a record.
+class DerivedValue:
+    """A function that calls a user's function, as the value of a field of a record.
 
     Python calls it through `_call`. A wrapper of its own would take a third of its compilation.
     """
 
-    def __init__(self, fun):
-        self._compiled = as_value(fun, RHS_SIG)  # keeps the machine code alive
+    def __init__(self, fun, allocates=True):
+        self._compiled = as_value(derived(fun, allocates), RHS_SIG)  # keeps the machine code alive
         self.address, self.of_signature = self._compiled.address, RHS_SIG
         self._numba_type_ = FunctionField(RHS_SIG)
 
-    def __call__(self, t, y, dy, params):
-        _call(self, t, y, dy, params)
-
-
-def derived_value(fun, signature, allocates=True):
-    """Return a function that calls a user's functions, as the value of a field of a record."""
-    if signature == RHS_SIG:
-        return _RightHandSide(derived(fun, allocates, wrapped=False))
-    return as_value(derived(fun, allocates), signature)
+    def __call__(self, t, z, out, params):
+        _call(self, t, z, out, params)

@@ -2,8 +2,8 @@
 
 A right-hand side may be written ``f(t, y)`` or ``f(t, y, params)``, which return the values, or in
 place ``f(t, y, dy, params)``. A Jacobian may be written in the same ways. A function that reads
-memory has it as its third argument. Each function becomes a field of one record, `Functions`, which
-calls it by its own arguments.
+memory has it as its third argument. Each function becomes a field of one record, `Functions`. All
+fields have one list of arguments, for real and complex components, with and without memory.
 """
 
 import warnings
@@ -14,26 +14,12 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ..compiled.functions import (
-    A_MATRIX,
     BY_DIFFERENCES,
-    COMPLEX,
-    COMPLEX_READING,
-    ENTRIES,
-    IN_PYTHON,
-    IN_TWO_PARTS,
-    JAC_IN_PYTHON,
-    READING,
-    REAL,
+    GIVEN,
+    OF_MEMORY,
+    OF_Y,
     Functions,
     of_user,
-)
-from ..compiled.jit import (
-    COMPLEX_MEMORY_RHS_SIG,
-    COMPLEX_RHS_SIG,
-    JAC_SIG,
-    MEMORY_JAC_SIG,
-    MEMORY_RHS_SIG,
-    RHS_SIG,
 )
 from ..support.checks import positional, refuse
 from .build import Function, Start, function_of, locked
@@ -69,57 +55,33 @@ def functions_of(
     if start.paired and jac is not None:
         refuse("jac", "be left out for complex y, so that differences are used", repr(jac))
     fields: dict[str, Any] = {}
-    parts: list[_Part] = []
+    parts: list[tuple[str, Function, tuple[int, ...]]] = []
     if rhs is not None:
-        name, form, signature = _FORMS[k > 0, start.paired]
-        found = function_of("rhs", "dy", rhs, start, (d,), signature, hint)
-        values = (start.y.view(float).size,)
-        parts.append(_Part("rhs", found, name, {"form": form}, {"form": IN_PYTHON}, values))
-        fields = {"jac_form": BY_DIFFERENCES}
+        found = function_of("rhs", "dy", rhs, start, (d,), hint)
+        parts.append(("rhs", found, (start.y.view(float).size,)))
+        fields = {"form": OF_MEMORY if k else OF_Y, "jac_form": BY_DIFFERENCES}
     if (jac is None) != (jac_memory is None) and (k or jac is None):
         given, lacking = ("jac", "jac_memory") if jac_memory is None else ("jac_memory", "jac")
         required = f"come with {lacking}" if k else "be left out if no memory is read"
         refuse(given, required, "it alone", "leave out both for differences")
     if jac is not None:
-        parts.append(_jacobian(jac, start, shape))
-        rows, columns = shape if len(shape) > 1 else (1, *shape)
-        fields |= {"jac_rows": rows, "jac_columns": columns}
+        parts.append(("jac", _jacobian(jac, start, shape), shape))
+        fields |= {"jac_form": GIVEN, "jac_size": int(np.prod(shape))}
     if jac is not None and k:
         by_memory = d, k * d
-        found = function_of("jac_memory", "jacobian", jac_memory, start, by_memory, MEMORY_JAC_SIG)
-        parts.append(_Part("jac_memory", found, "jac_memory", {}, {}, by_memory))
+        found = function_of("jac_memory", "jacobian", jac_memory, start, by_memory)
+        parts.append(("jac_memory", found, by_memory))
     addresses, callbacks = np.zeros(3, dtype=np.int64), []
-    for number, part in enumerate(parts):
-        if part.function.compiled:
-            fields |= part.compiled | {part.field: part.function.compiled}
+    for number, (name, function, values) in enumerate(parts):
+        if function.compiled:
+            fields[name] = function.compiled
             continue
-        fill = partial(part.function.fill, params=locked(start.params))
-        made = Callback(part.name, fill, start.components().size, part.shape)
+        fill = partial(function.fill, params=locked(start.params))
+        made = Callback(name, fill, start.components().size, values)
         addresses[number] = made.address
         callbacks.append(made)
-        fields |= part.in_python
     functions = of_user(start.params, start.y.view(float).size, in_python=addresses, **fields)
     return Assembled(functions, tuple(callbacks))
-
-
-class _Part(NamedTuple):
-    """One function of a user, and what the record has of it."""
-
-    name: str  # argument of the equation, for messages
-    function: Function
-    field: str  # its field in `Functions`
-    compiled: dict[str, int]  # further fields of the record, if it is compiled
-    in_python: dict[str, int]  # further fields of the record, if it is called in Python
-    shape: tuple[int, ...]  # that of its values, in real numbers
-
-
-# Field, form and signature of a right-hand side, by whether it reads memory and is complex.
-_FORMS = {
-    (False, False): ("rhs", REAL, RHS_SIG),
-    (True, False): ("reading", READING, MEMORY_RHS_SIG),
-    (False, True): ("complex", COMPLEX, COMPLEX_RHS_SIG),
-    (True, True): ("complex_reading", COMPLEX_READING, COMPLEX_MEMORY_RHS_SIG),
-}
 
 
 def switch_of(switch: Any, y: np.ndarray, t: float) -> Any:
@@ -132,19 +94,13 @@ def switch_of(switch: Any, y: np.ndarray, t: float) -> Any:
     if not callable(switch) or start.paired:
         got = repr(switch) if not start.paired else "complex y"
         refuse("switches", required, got, kind=TypeError)
-    return function_of("switches", "value", switch, start, (1,), RHS_SIG, str, required).compiled
+    return function_of("switches", "value", switch, start, (1,), str, required).compiled
 
 
-def _jacobian(jac: Any, start: Start, shape: tuple[int, ...]) -> _Part:
+def _jacobian(jac: Any, start: Start, shape: tuple[int, ...]) -> Function:
     """Check a Jacobian, whose values are a matrix, or a vector of entries."""
-    called = {"jac_form": JAC_IN_PYTHON}
     if len(shape) > 1:
-        field, form, signature = "jac", A_MATRIX, JAC_SIG
-        if len(start.memory):
-            field, form, signature = "jac_reading", IN_TWO_PARTS, MEMORY_JAC_SIG
-        made = function_of("jac", "jacobian", jac, start, shape, signature)
-        return _Part("jac", made, field, {"jac_form": form}, called, shape)
+        return function_of("jac", "jacobian", jac, start, shape)
     with warnings.catch_warnings():  # slow calls matter little: Jacobians serve many steps
         warnings.simplefilter("ignore", PythonFunctionWarning)
-        made = function_of("jac", "data", jac, start, shape, RHS_SIG)
-    return _Part("jac", made, "jac_entries", {"jac_form": ENTRIES}, called, shape)
+        return function_of("jac", "data", jac, start, shape)

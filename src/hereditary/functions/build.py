@@ -19,11 +19,12 @@ from types import FunctionType
 from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
-from numba import config, types
+from numba import config, typeof, types
 from numba.core.errors import NumbaPendingDeprecationWarning
 from numba.extending import is_jitted
 
-from ..compiled.jit import F8, compiling, derived, derived_value
+from ..compiled.functions import views_of
+from ..compiled.jit import F8, DerivedValue, compiling, derived
 from ..compiled.numba_internals import built_as_one, options_of, stated_options, without
 from ..support.checks import complaint, refuse, shown
 from ..support.warning import warn
@@ -86,7 +87,6 @@ def function_of(
     fun: Any,
     start: Start,
     shape: tuple[int, ...],
-    signature: Any,
     hint: Callable[[], str] = str,
     required: str = "",
 ) -> Function:
@@ -101,14 +101,13 @@ def function_of(
         Arguments of the trial calls.
     shape : tuple of int
         Shape of the values.
-    signature : numba signature
     hint : callable, optional
         ``hint()`` is appended to messages about errors in the function.
     required : str, optional
         If not empty, numba must be able to compile the function. The message about a function that
         it cannot compile states this requirement.
     """
-    candidate = Candidate(name, out, fun, start, shape, signature, hint)
+    candidate = Candidate(name, out, fun, start, shape, hint)
     plain = candidate.plain
     if not callable(plain):
         required = f"be a function {start.shapes(name, out)}"
@@ -140,13 +139,10 @@ def function_of(
 
 
 def _key(candidate: Candidate, plain: FunctionType) -> tuple:
-    """Return what compiled code depends on besides the arity and the form: the key of a version.
-
-    The signature is one of few constants, and counts by its id.
-    """
+    """Return what compiled code depends on besides the arity and the form: the key of a version."""
     fun, start = candidate.fun, candidate.start
     options = "" if fun is plain else stated_options(options_of(fun))
-    kinds = id(candidate.signature), len(start.memory), start.paired
+    kinds = candidate.width, len(start.memory), start.paired
     return frozen_values(plain), options, *kinds
 
 
@@ -161,9 +157,9 @@ def _called(fill: Fill, candidate: Candidate) -> np.ndarray:
 
 def _difference(compiled: Any, expected: np.ndarray, start: Start) -> str:
     """Return how compiled values at the start differ from Python's; "" if they agree."""
-    found = np.full_like(expected, np.nan)
+    found = np.full(expected.shape, np.nan, expected.dtype)
     try:
-        compiled(start.t, *start.parts(), found, start.params.copy())
+        compiled(start.t, start.components(), found.ravel().view(float), start.params.copy())
     except Exception as error:
         return f"for compiled it raises {type(error).__name__}: {error}"
     if nearly_equal(found, expected):
@@ -211,9 +207,11 @@ def _build(candidate: Candidate, key: tuple, arity: int, form: str) -> tuple[Any
     compilations have no influence.
     """
     fun, plain, start = candidate.fun, candidate.plain, candidate.start
-    k, n_axes = len(start.memory), len(candidate.shape)
+    k, unit = len(start.memory), 1j if start.paired else 1.0
     if config.DISABLE_JIT:
-        return _of_parts(_in_python(candidate, arity)), ""
+        fill = _in_python(candidate, arity)
+        shape = candidate.shape if candidate.width else -1
+        return lambda t, z, out, p: fill(t, locked(z.copy()), out.reshape(shape), locked(p)), ""
     # only compiled code calls these functions, and a wrapper for Python would take 1 MB each
     inside = {"boundscheck": True, **without("cpython")}
     inner: dict[str, Any] = {"nogil": True, **without("cfunc"), **inside}
@@ -221,10 +219,10 @@ def _build(candidate: Candidate, key: tuple, arity: int, form: str) -> tuple[Any
     inner["boundscheck"] = not str(plain.__module__).startswith("hereditary.")
     if not is_jitted(fun):
         inner["error_model"] = "numpy"
-    number = types.complex128 if start.paired else F8
+    number = typeof(unit)
     y, memory = (types.Array(number, axes, "C", readonly=True) for axes in (1, 2))
     first = (F8, y, memory) if k else (F8, y)
-    filled = types.Array(number, n_axes, "C")
+    filled = types.Array(number, len(candidate.shape), "C")
     own = (*first, *{2: (), 3: (_READ_ONLY,), 4: (filled, _READ_ONLY)}[arity])
     try:
         jitted = fresh(fun, inner, inside)
@@ -233,12 +231,13 @@ def _build(candidate: Candidate, key: tuple, arity: int, form: str) -> tuple[Any
         returned = jitted.nopython_signatures[0].return_type
         simple = isinstance(returned, (types.NoneType, types.Number, types.Boolean))
         if isinstance(returned, types.Tuple):  # entries of several types
-            jitted = derived(_as_array(jitted), wrapped=False)
-        copied = bool(_PAST_READ_ONLY & code_names(key[0]))
-        adapter = (_reading if k else _adapter)(jitted, arity, form, n_axes)
-        if copied:
-            adapter, simple = _of_copies(derived(adapter, wrapped=False), k), False
-        return derived_value(adapter, candidate.signature, allocates=not simple), ""
+            jitted = derived(_as_array(jitted))
+        if k or start.paired:
+            jitted = derived(_of_parts(jitted, k, unit), not simple)
+        adapter = _adapter(jitted, candidate, arity, form, unit)
+        if _PAST_READ_ONLY & code_names(key[0]):
+            adapter, simple = _of_copies(derived(adapter)), False
+        return DerivedValue(adapter, allocates=not simple), ""
     except Exception as error:  # numba raises exceptions of many types
         if _compiles(fresh(fun, inner, inside), [a.copy(readonly=False) for a in own[1:]]):
             raise TypeError(writing_complaint(candidate.name, plain, error)) from error
@@ -259,90 +258,63 @@ def _as_array(fun: Any) -> Callable[..., np.ndarray]:
     return lambda *arguments: np.asarray(fun(*arguments))
 
 
-def _of_copies(fun: Any, k: int) -> Fill:
-    """Return a function that calls `fun` with copies of y, memory and params, which it may change.
-
-    There are k rows of memory.
-    """
-    if k == 0:
-        return lambda t, y, out, params: fun(t, y.copy(), out, params.copy())
-    return lambda t, y, memory, out, params: fun(t, y.copy(), memory.copy(), out, params.copy())
+def _of_copies(fun: Any) -> Fill:
+    """Return a function that calls `fun` with copies of z and params, which it may change."""
+    return lambda t, z, out, params: fun(t, z.copy(), out, params.copy())
 
 
-def _adapter(fun: Any, arity: int, form: str, n_axes: int) -> Fill:
+def _of_parts(fun: Any, k: int, unit: complex) -> Callable[..., Any]:
+    """Return a function that calls `fun` with y and, if k > 0, the k rows of memory in z."""
+
+    def split(t: float, z: np.ndarray, *others: np.ndarray) -> Any:
+        y, memory, _ = views_of(z, 1 + k, unit)
+        return fun(t, y, memory, *others) if k else fun(t, y, *others)
+
+    return split
+
+
+def _adapter(fun: Any, candidate: Candidate, arity: int, form: str, unit: complex) -> Fill:
     """Return a function that calls `fun` and writes its values to the output array.
 
-    `arity` and `form` are as in `_Version`; `n_axes` is the number of axes of the output. The loops
-    are explicit because numba takes two seconds to compile ``out[...] = values``.
+    `arity` and `form` are as in `_Version`. The loops are explicit because numba takes two seconds
+    to compile ``out[...] = values``.
     """
-    one, with_params = (0,) * n_axes, arity == 3
+    with_params, paired, width = arity == 3, candidate.start.paired, candidate.width
+    parts = 1 + len(candidate.start.memory)
 
-    def in_place(t: float, y: np.ndarray, out: np.ndarray, params: np.ndarray) -> None:
-        fun(t, y, out, params)
+    def in_place(t: float, z: np.ndarray, out: np.ndarray, params: np.ndarray) -> None:
+        fun(t, z, views_of(out, 1, unit)[0] if paired else out, params)
 
-    def from_number(t: float, y: np.ndarray, out: np.ndarray, params: np.ndarray) -> None:
-        out[one] = fun(t, y, params) if with_params else fun(t, y)
+    def from_number(t: float, z: np.ndarray, out: np.ndarray, params: np.ndarray) -> None:
+        filled = views_of(out, 1, unit)[0] if paired else out
+        filled[0] = fun(t, z, params) if with_params else fun(t, z)
 
-    def from_vector(t: float, y: np.ndarray, out: np.ndarray, params: np.ndarray) -> None:
-        values = fun(t, y, params) if with_params else fun(t, y)
-        if len(values) != len(out):
+    def from_vector(t: float, z: np.ndarray, out: np.ndarray, params: np.ndarray) -> None:
+        values = fun(t, z, params) if with_params else fun(t, z)
+        filled = views_of(out, 1, unit)[0] if paired else out
+        if len(values) != len(filled):
             raise ValueError(_RESHAPED)
-        for i in range(len(out)):
-            out[i] = values[i]
+        for i in range(len(filled)):
+            filled[i] = values[i]
 
-    def from_matrix(t: float, y: np.ndarray, out: np.ndarray, params: np.ndarray) -> None:
-        values = np.asarray(fun(t, y, params) if with_params else fun(t, y))
-        if values.shape != out.shape:
+    def matrix_in_place(t: float, z: np.ndarray, out: np.ndarray, params: np.ndarray) -> None:
+        n = out.shape[0] * parts // (z.shape[0] * width)
+        fun(t, z, views_of(out, n, unit)[2], params)
+
+    def from_matrix(t: float, z: np.ndarray, out: np.ndarray, params: np.ndarray) -> None:
+        values = np.asarray(fun(t, z, params) if with_params else fun(t, z))
+        columns = z.shape[0] // parts * width
+        if values.shape != (out.shape[0] // columns, columns):
             raise ValueError(_RESHAPED)
-        for i in range(out.shape[0]):
-            for j in range(out.shape[1]):
-                out[i, j] = values[i, j]
+        for i in range(values.shape[0]):
+            for j in range(columns):
+                out[i * columns + j] = values[i, j]
 
     if form == "in place":
-        return in_place
+        return matrix_in_place if width else in_place
     if form == "number":
         return from_number
-    return from_vector if n_axes == 1 else from_matrix
-
-
-def _reading(fun: Any, arity: int, form: str, n_axes: int) -> Fill:
-    """Return the `_adapter` of a function that reads memory, its third argument."""
-    one, with_params = (0,) * n_axes, arity == 3
-
-    def in_place(
-        t: float, y: np.ndarray, memory: np.ndarray, out: np.ndarray, params: np.ndarray
-    ) -> None:
-        fun(t, y, memory, out, params)
-
-    def from_number(
-        t: float, y: np.ndarray, memory: np.ndarray, out: np.ndarray, params: np.ndarray
-    ) -> None:
-        out[one] = fun(t, y, memory, params) if with_params else fun(t, y, memory)
-
-    def from_vector(
-        t: float, y: np.ndarray, memory: np.ndarray, out: np.ndarray, params: np.ndarray
-    ) -> None:
-        values = fun(t, y, memory, params) if with_params else fun(t, y, memory)
-        if len(values) != len(out):
-            raise ValueError(_RESHAPED)
-        for i in range(len(out)):
-            out[i] = values[i]
-
-    def from_matrix(
-        t: float, y: np.ndarray, memory: np.ndarray, out: np.ndarray, params: np.ndarray
-    ) -> None:
-        values = np.asarray(fun(t, y, memory, params) if with_params else fun(t, y, memory))
-        if values.shape != out.shape:
-            raise ValueError(_RESHAPED)
-        for i in range(out.shape[0]):
-            for j in range(out.shape[1]):
-                out[i, j] = values[i, j]
-
-    if form == "in place":
-        return in_place
-    if form == "number":
-        return from_number
-    return from_vector if n_axes == 1 else from_matrix
+    return from_matrix if width else from_vector
 
 
 def _in_python(candidate: Candidate, arity: int) -> Fill:
@@ -372,17 +344,6 @@ def _in_python(candidate: Candidate, arity: int) -> Fill:
         out[...] = values
 
     return fill
-
-
-def _of_parts(fill: Fill) -> Fill:
-    """Return `fill` with the arguments of a compiled function, where numba compiles nothing."""
-
-    def of_parts(t: float, *given: np.ndarray) -> None:
-        *parts, out, params = given
-        z = np.concatenate([part.ravel() for part in parts]).view(float)
-        fill(t, locked(z), out.view(float), locked(params))
-
-    return of_parts
 
 
 def locked(array: np.ndarray) -> np.ndarray:
@@ -417,10 +378,6 @@ class Start(NamedTuple):
         """Return y and memory as the real components of one system."""
         return np.concatenate([self.y, self.memory.ravel()]).view(float)
 
-    def parts(self) -> list[np.ndarray]:
-        """Return copies of y and, if there is any, memory, as compiled functions get them."""
-        return [part.copy() for part in (self.y, self.memory) if part.size]
-
     def shapes(self, name: str, out: str) -> str:
         """Return the allowed lists of arguments of a function, for messages."""
         first = f"{name}(t, y" + ", memory" * (len(self.memory) > 0)
@@ -435,13 +392,17 @@ class Candidate(NamedTuple):
     fun: Any  # the function, or numba's dispatcher of one
     start: Start  # arguments of the trial calls
     shape: tuple[int, ...]  # that of the values
-    signature: Any  # numba's
     hint: Callable[[], str]  # ``hint()`` is appended to messages about errors in the function
 
     @property
     def plain(self) -> Any:
         """The function in Python."""
         return _plain(self.fun)
+
+    @property
+    def width(self) -> int:
+        """Columns of a matrix of values, for each component; 0 for a vector."""
+        return self.shape[1] // len(self.start.y) if len(self.shape) > 1 else 0
 
 
 def arity_of(name: str, out: str, fun: Callable[..., Any], start: Start) -> int:

@@ -100,7 +100,7 @@ class IMEX(Scheme):
         if system.d > FEW and 2 * matrix.nnz < system.d**2:
             none = np.zeros(0, dtype=np.int64)
             structure = Structure.of(system.d, none, none, none, matrix)
-        functions = system.functions._replace(jac_form=CONSTANT, jac_rows=0, jac_columns=0)
+        functions = system.functions._replace(jac_form=CONSTANT, jac_size=0)
         return replace(system, functions=functions, structure=structure, linear_alone=False)
 
     def plan(self, system: System, h: float) -> Plan:
