@@ -14,10 +14,8 @@ NOT_SOLVED = 2  # the equations of a step could not be solved
 
 @inner
 def open_block(lag, pieces, n, groups, weights, memory):
-    """Set the lag (W, B) of the block from step n on, and move the newest piece to its front.
-
-    `pieces` (W, B + 1) are those of the finished block, `weights` (C, B + 2) those inside a block.
-    """
+    """Set the lag (W, B) of the block from step n on, and move the newest piece to its front."""
+    # pieces (W, B + 1) of the finished block, weights (C, B + 2) inside a block
     newest = pieces.shape[1] - 1
     for c in range(lag.shape[0]):
         w = weights[groups[c]]
@@ -31,10 +29,7 @@ def open_block(lag, pieces, n, groups, weights, memory):
 
 @inner
 def begin_start(m, v, values, first):
-    """Store start value number v of each column, and add its weighted value to the first block.
-
-    The lag of the block changes from step `first` on.
-    """
+    """Store start value v of each column; it changes lags of the first block from `first` on."""
     # values (W,), lag (W, B), start (W, V length): the history's memory of V start values
     # weights (V C, B + 2), or (V C, 0) if start values have no weights in a block
     groups, weights = m.table.groups, m.table.start_weights
@@ -59,12 +54,9 @@ def begin_others(m):
 
 @inner
 def write_row(m, k, h, ratio):
-    """Write the solution and its slope at the end of a step to row k of the output.
-
-    h is the size of the step, and `ratio` is h over the size of the step before. The slope is that
-    of the parabola through the last three values. If the two sizes differ by more than a factor of
-    `_MAX_RATIO_OF_PARABOLIC_SLOPE`, it is the slope of the line through the last two.
-    """
+    """Write the solution and its slope at the end of a step of size h to row k of the output."""
+    # The slope is that of the parabola through the last three values. If sizes of steps differ by
+    # more than _MAX_RATIO_OF_PARABOLIC_SLOPE, it is that of the last line.
     rows, slopes = m.output.rows, m.output.slopes
     x, u, d = m.state.x, m.state.increment, m.state.change
     lean = (
@@ -84,10 +76,8 @@ def open_lag(lag, pieces, n, groups, weights, memory):
 
 @entry(I8, VEC, VEC, MAT, MAT)
 def close_piece(p, weights, piece, lag, pieces):
-    """Store the piece (W,) of step p of a block, and add it to the lag of later steps in the block.
-
-    `weights` (B + 2,) are the weights W_k inside a block, lag is (W, B), and pieces (W, B + 1).
-    """
+    """Store the piece (W,) of step p of a block, and add it to later lags in the block."""
+    # weights W_k inside a block (B + 2,), lag (W, B), pieces (W, B + 1)
     for c in range(piece.shape[0]):
         pieces[c, p + 1] = piece[c]
         for k in range(2, lag.shape[1] - p):

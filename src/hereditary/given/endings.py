@@ -15,11 +15,8 @@ _FROM_EDGE = "where y begins at an edge of the domain of the right-hand side, us
 
 
 def ending(status: int, scheme: Scheme, n: int, tried: np.ndarray, f: np.ndarray) -> Ending | None:
-    """Return the reason why a march with this status of block.py cannot go on; None if it can.
-
-    The march has made n steps. It took the right-hand side last at y = `tried`, (d,), where it is
-    `f`, (d,).
-    """
+    """Return why a march with this status cannot go on after n steps; None if it can."""
+    # it took the right-hand side last at y = tried (d,), where it is f (d,)
     statuses = {BLOWN_UP: Status.BLOWN_UP, NOT_SOLVED: Status.NOT_SOLVED}
     if status not in statuses:
         return None
@@ -36,12 +33,8 @@ def ending(status: int, scheme: Scheme, n: int, tried: np.ndarray, f: np.ndarray
 def remedy_of(
     system: System, scheme: Scheme, h: float, zigzag: int, growth: int, diverged: int
 ) -> str:
-    """Return a clause of a message: how steps h showed their instability, and what to use instead.
-
-    `zigzag` is the step at which the watch noted a lasting zigzag of the increments. `growth` is
-    the step at which it noted that increments had grown from turn to turn, and `diverged` that at
-    which corrections had not shrunk. All are -1 if the watch noted nothing (given/watch.py).
-    """
+    """Return a clause of a message: how steps h showed instability, and what to use instead."""
+    # zigzag, growth, diverged: steps at which given/watch.py noted each, or -1
     found, start = [], system.frame.start
     if zigzag >= 0:
         found.append(f"a step-to-step zigzag had lasted at t = {start + zigzag * h:g}")

@@ -24,10 +24,8 @@ _INFINITE_SLOPE = 1e12
 
 
 def starting_steps(stepper: Any) -> FirstSteps | None:
-    """Return the `FirstSteps` of a stepper that made at most one step; otherwise None.
-
-    None also if orders vary, or if a term is of Riemann-Liouville type.
-    """
+    """Return the `FirstSteps` of a stepper that made at most one step; otherwise None."""
+    # None also if orders vary, or if a term is of Riemann-Liouville type
     system = stepper.system
     # with Riemann-Liouville terms solutions begin with lower powers, which FirstSteps does not have
     if stepper.n > 1 or not system.constant or system.from_zero:
@@ -36,17 +34,10 @@ def starting_steps(stepper: Any) -> FirstSteps | None:
 
 
 class FirstSteps:
-    """The solution inside the first two steps of a march that starts at 0.
-
-    Parameters
-    ----------
-    system : System
-        A system whose orders are constant.
-    ends : array_like, shape (2,)
-        Times at which the two steps end.
-    """
+    """The solution inside the first two steps of a march that starts at 0; orders are constant."""
 
     def __init__(self, system: System, ends: np.ndarray) -> None:
+        # ends (2,): times at which the two steps end
         self._system, self._start = system, system.y0[:, : system.n_solved]
         self.ends, self._values = np.asarray(ends, dtype=float), np.zeros((2, system.n_solved))
         functions = system.functions
@@ -85,10 +76,8 @@ class FirstSteps:
         return y, slope
 
     def near(self, n: int, t: np.ndarray, derivative: int) -> np.ndarray:
-        """Return y or, if `derivative`, y' at times t (k,) inside step n, which is 1 or 2.
-
-        y' is infinite at t = 0 where the solution has powers below 1.
-        """
+        """Return y or, if `derivative`, y' at times t (k,) inside step n, which is 1 or 2."""
+        # y' is infinite at t = 0 where the solution has powers below 1
         y, slope = self.inside(n, np.maximum(t, _TIME_NEXT_TO_0))
         steep = (t[:, None] == 0.0) & (np.abs(slope) > _INFINITE_SLOPE)
         return np.where(steep, np.copysign(np.inf, slope), slope) if derivative else y

@@ -80,32 +80,7 @@ _MAX_STEPS_WITH_EVENTS = 256
 
 
 class FixedStepper(ResumableStepper, TangentStepper, JumpingStepper):
-    """A march of one equation with one scheme and one history on given steps.
-
-    It can also compute tangents, the derivatives of the solution along given directions. At any
-    step linear combinations of the tangents can replace the tangents.
-
-    Parameters
-    ----------
-    system : System
-    scheme : Scheme
-    history : History
-    steps : UniformSteps or MeshSteps
-    n_steps : int
-        Number of steps of the whole run, which the history must cover.
-    directions : ndarray, shape (n_data, k), optional
-        Derivatives of the initial data along k directions. Rows for y(0) come first, then a row for
-        y'(0) of each component of order above 1.
-    block : int
-        Steps in a block; it changes results by rounding errors only.
-
-    Attributes
-    ----------
-    n : int
-        Number of steps made.
-    t : float
-        Time that the march has reached, counted from 0 [time].
-    """
+    """March of one equation, and tangents along given directions, by one scheme on given steps."""
 
     t = 0.0
 
@@ -119,6 +94,9 @@ class FixedStepper(ResumableStepper, TangentStepper, JumpingStepper):
         directions: np.ndarray | None = None,
         block: int = BLOCK,
     ) -> None:
+        # n_steps: of the whole run, which the history must cover. directions (n_data, k):
+        # derivatives of the initial data, rows for y(0), then for y'(0) of each component of order
+        # above 1. block: steps in a block, which changes results by rounding errors only.
         scheme.check_terms(system)
         refuse_late(system, steps.time(n_steps))
         self.system, self.scheme, self.history = system, scheme, history
@@ -220,10 +198,8 @@ class FixedStepper(ResumableStepper, TangentStepper, JumpingStepper):
         self._right = self._marched.compiled
 
     def set_breaks(self, times: np.ndarray, t_end: float) -> None:
-        """Let each step next to a jump of f evaluate f on its own side of the jump.
-
-        `times` (k,) are the times of the jumps up to `t_end`.
-        """
+        """Let each step next to a jump of f evaluate f on its own side of the jump."""
+        # times (k,) of the jumps up to t_end
         self._breaks = break_steps(times, self.t, t_end, self.steps, self.system.frame.start)
 
     def prepare(self, n_end: int) -> None:
@@ -233,11 +209,9 @@ class FixedStepper(ResumableStepper, TangentStepper, JumpingStepper):
         self.memory.prepare(n_end)
 
     def advance(self, stop: float, keep: bool = True) -> StepPieces | None:
-        """Make steps towards step `stop`, as many as take about a tenth of a second.
-
-        Return the steps as `StepPieces`, or None if no step was made or `keep` is false. If the
-        right-hand side raises, the steps before the failing one stay, and `failure` reports it.
-        """
+        """Make steps towards step `stop`, as many as take about a tenth of a second."""
+        # None if no step was made or keep is false. If the right-hand side raises, the steps before
+        # the failing one stay, and `failure` reports it.
         n, d = self.n, self.system.n_solved
         n_more = min(int(stop) - n, self._steps_at_once())
         began = time.perf_counter()
@@ -259,11 +233,8 @@ class FixedStepper(ResumableStepper, TangentStepper, JumpingStepper):
         return StepPieces(times, rows[: made + 1], slopes[: made + 1], starting, n)
 
     def _steps_at_once(self) -> int:
-        """Return the number of steps to make in one call of the compiled march.
-
-        It follows from the measured time of earlier steps. Before the first step it follows from
-        the time of one call of f.
-        """
+        """Return the number of steps to make in one call of the compiled march."""
+        # by the measured time of earlier steps, or before them by that of one call of f
         system = self._marched
         if self._seconds == 0.0:
             began = time.perf_counter()
@@ -276,10 +247,8 @@ class FixedStepper(ResumableStepper, TangentStepper, JumpingStepper):
         return int(min(max(_SECONDS_PER_CALL / self._seconds, 1), most))
 
     def _march_to(self, n_end: int, rows: np.ndarray, slopes: np.ndarray) -> None:
-        """March to step `n_end`, and write solution and slopes of its k steps, or none for k = 0.
-
-        Each row of `rows` and `slopes`, (k, d), belongs to the end of one step.
-        """
+        """March to step `n_end`; write solution and slopes of its k steps, or none for k = 0."""
+        # rows and slopes (k, d): one row for the end of each step
         self.prepare(n_end)
         first = self.n
         while self.n < n_end:
@@ -400,10 +369,8 @@ class FixedStepper(ResumableStepper, TangentStepper, JumpingStepper):
             solver(FACTORISE, 0, self._march.newton[1], workspace, by_reference(tables, LINEAR))
 
     def stop_at(self, t: float) -> Stop:
-        """Return the first step n with t_n >= t, and t_n, as a `Stop`.
-
-        The user's times count from `start`, whose rounding errors do not make a step later.
-        """
+        """Return the first step n with t_n >= t, and t_n, as a `Stop`."""
+        # the user's times count from `start`, whose rounding errors do not make a step later
         step = self.steps.first_from(t - ONE_TIME * abs(self.system.frame.start))
         return Stop(step, self.steps.time(step))
 
@@ -440,25 +407,15 @@ class FixedStepper(ResumableStepper, TangentStepper, JumpingStepper):
         return np.vstack([values[: self.system.n_solved], slopes[self._with_speed]])
 
     def transform_tangent(self, matrix: np.ndarray) -> None:
-        """Replace the tangents by linear combinations, ``tangent <- tangent @ matrix``.
-
-        Every array that is linear in the tangents is combined too: initial values, increments, the
-        open block and the memory. The result is that of a march from the combined initial
-        directions.
-
-        Parameters
-        ----------
-        matrix : ndarray, shape (k, k)
-        """
+        """Replace the tangents by linear combinations, ``tangent <- tangent @ matrix``."""
+        # matrix (k, k). All that is linear in tangents is combined too, as if the march had started
+        # from combined directions.
         matrix = np.ascontiguousarray(matrix, dtype=float)
         arrays, d = self.memory.arrays, self._marched.d
         transform_march(self._march, arrays, d, int(self._lasting), matrix)
 
     def grow(self, stop: float, schedule: Any) -> Grown:
-        """Make steps as `advance` does, and orthonormalise the tangents when `schedule` says so.
-
-        Return the solution and the logarithms of growth as `Grown`. The loop is compiled.
-        """
+        """Advance, orthonormalise tangents by the `schedule`; return rows and log growth."""
         schedule["lasting"] = self._lasting
         grown, march = [np.empty((0, 1 + self.n_tangents))], self._loop
         growth = Renormalisations(
@@ -489,10 +446,8 @@ class FixedStepper(ResumableStepper, TangentStepper, JumpingStepper):
         return _ROUNDING_OF_Y * np.abs(self.y)
 
     def expect_jumps(self, of_y: bool) -> None:
-        """Prepare for jumps of f, and of y if `of_y`: make fewer steps in each call.
-
-        Jumps of y are refused if a kernel or a Riemann-Liouville term acts on y itself.
-        """
+        """Prepare for jumps of f, and of y if `of_y`: make fewer steps in each call."""
+        # jumps of y are refused if a kernel or a Riemann-Liouville term acts on y itself
         self._most = _MAX_STEPS_WITH_EVENTS
         terms = [operator for operator, _ in self.system.left]
         acting = [op for op in terms if op.derivative == 0 or op.from_zero]
@@ -507,11 +462,9 @@ class FixedStepper(ResumableStepper, TangentStepper, JumpingStepper):
         self._renew_force()
 
     def _renew_force(self) -> None:
-        """Replace the newest piece by f after a jump of y, if the pieces are values of f.
-
-        Only components of order 1 are changed; the step before the jump is not. If f raises,
-        nothing is changed, because the march calls f again and reports the exception.
-        """
+        """Replace the newest piece by f after a jump of y, if the pieces are values of f."""
+        # Only components of order 1; the step before the jump stays. If f raises, nothing is
+        # changed, because the march calls f again and reports the exception.
         table, march, system = self._table, self._march, self._marched
         n, newest = table.n_orbit, self.n - 1
         if table.integral == 0 or newest < 0:
@@ -542,10 +495,8 @@ class FixedStepper(ResumableStepper, TangentStepper, JumpingStepper):
 def _kept_plan(
     scheme: Scheme, h: float, order: float, terms: Any, shape: Any, y0: bytes, sources: bytes
 ) -> Plan:
-    """Return the plan of a scheme for uniform steps h, from the terms and initial values alone.
-
-    The arguments are the key: y0 and `sources` are the bytes of the fields of a `System`.
-    """
+    """Return the plan of a scheme for uniform steps h, from the terms and initial values alone."""
+    # the arguments are the key: y0 and sources are the bytes of the fields of a `System`
     left = [SystemTerm(operator, np.array(coefficients)) for operator, coefficients in terms]
     start, own = np.frombuffer(y0).reshape(shape), np.frombuffer(sources, np.int64)
     system = System(left, start, sources=own)

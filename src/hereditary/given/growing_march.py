@@ -26,11 +26,9 @@ _FIRST_STEPS = 8
 
 @inner
 def triangle(columns, inverse):
-    """Factorise ``columns = Q R`` with a positive diagonal of R; return whether this succeeded.
-
-    `columns` (n, k) become Q, and `inverse` (k, k) the inverse of R. The factorisation fails if the
-    columns are not finite or not independent.
-    """
+    """Factorise ``columns = Q R`` with a positive diagonal of R; return whether this succeeded."""
+    # columns (n, k) become Q, and inverse (k, k) that of R; it fails for dependent or infinite
+    # columns
     n, k = columns.shape
     for j in range(k):
         largest, total = 0.0, 0.0
@@ -82,10 +80,8 @@ def read_tangents(state, table, above, columns):
 
 @inner(allocates=True)
 def combine(array, d, matrix):
-    """Replace the tangents by their linear combinations, in the rows of `array` (W, n).
-
-    The first d rows belong to the orbit, the next d to the first tangent; `matrix` is (k, k).
-    """
+    """Multiply the tangents in the rows of `array` (W, n) by `matrix` (k, k) from the right."""
+    # the first d rows belong to the orbit, the next d to the first tangent
     k, n = matrix.shape[0], array.shape[1]
     if k == 1:
         for c in range(d, 2 * d):

@@ -13,13 +13,11 @@ _IMEX_OFFSET = 1e-9
 
 @inner
 def solve_linearly(m, t, i):
-    """Solve ``scale w + known = lead (A (base + gain w) + g)`` for w; return False if singular.
-
-    A is the Jacobian of the implicit part, which is constant. The explicit part is f = rhs - A y.
-    ``g = f + theta ratio (f - f_before)`` extrapolates f from t_n and t_(n-1) to t. Row i of the
-    coefficients has theta and the ratio of step sizes. The array state.force (d,) is f_before,
-    which is used only if counts.extrapolates is 1.
-    """
+    """Solve ``scale w + known = lead (A (base + gain w) + g)`` for w; return False if singular."""
+    # A is the constant Jacobian of the implicit part. The explicit part f = rhs - A y is
+    # extrapolated from t_n and t_(n-1) to t, g = f + theta ratio (f - f_before). Row i of the
+    # coefficients has theta and the ratio of step sizes; f_before is state.force (d,), if
+    # counts.extrapolates is 1.
     # state.newton (2, ., .): A, and the matrix of the step, whose factors are kept
     right, workspace = m.right, m.workspace
     rows, counts, work = m.rows, m.state.counts, m.state.newton

@@ -26,11 +26,9 @@ class NewtonSetup(NamedTuple):
     held: Any = None  # keeps a reference to the Python function that `solver` may call
 
     def taken_over(self, march: March) -> np.ndarray:
-        """Return `workspace` with the matrices of a restored march.
-
-        If the entries of a sparse Jacobian are at other places, the march's factors are invalid.
-        Then the next step factorises its matrix again.
-        """
+        """Return `workspace` with the matrices of a restored march."""
+        # factors of a sparse Jacobian with entries at other places are invalid: the next step makes
+        # new ones
         kept, workspace = march.newton, self.workspace
         if kept.shape == workspace.shape and kept.shape[1] == kept.shape[2]:
             return kept
@@ -45,12 +43,9 @@ class NewtonSetup(NamedTuple):
 def newton_of(
     structure: Structure | None, d: int, tangents: bool, solve: str, exact: bool
 ) -> NewtonSetup:
-    """Return the `NewtonSetup` for d components of an orbit, with tangents or without.
-
-    `solve` is that of the scheme; `exact` means that one iteration solves a step. For at most `FEW`
-    components Newton's method eliminates by itself, and the linear solver is for the tangents only.
-    `NewtonSetup.workspace` is empty if no step needs a Jacobian.
-    """
+    """Return the `NewtonSetup` for d components of an orbit, with tangents or without."""
+    # solve: that of the scheme; exact: one iteration solves a step. With at most FEW components the
+    # solver is for tangents only. The workspace is empty if no step needs a Jacobian.
     implicit = solve in ("newton", "imex")
     n_matrices = 1 + int(tangents)
     if structure is None and not implicit and not tangents:

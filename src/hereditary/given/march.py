@@ -65,10 +65,7 @@ _ANNOUNCED = {
 
 
 def marching(name: str, way: str) -> Callable[..., Any]:
-    """Return the march, compiled for one way of solving a step (the keys of `MARCHES`).
-
-    `name` becomes the function's name.
-    """
+    """Return the march, compiled as `name` for one way of solving steps, a key of `MARCHES`."""
     explicit, newton, imex = (way == name for name in ("explicit", "newton", "imex"))
 
     def march(march, end):
@@ -161,10 +158,7 @@ MARCHES = {
 
 
 def march_of(work: GivenWork, way: str) -> GivenMarch:
-    """Return a `GivenMarch` of the work and of the tangents' functions that it needs.
-
-    `way` is a key of `MARCHES`.
-    """
+    """Return a `GivenMarch` of work and tangents' functions; `way` is a key of `MARCHES`."""
     tangents = work.state.x.size > work.table.n_orbit
     solve = solve_tangents if tangents and way == "newton" else no_tangents_solved
     push = push_tangents if tangents else push_nothing

@@ -20,28 +20,7 @@ from .steps import MeshSteps, UniformSteps
 
 
 class MemberStepper(FixedStepper):
-    """A march that `begin` sets to the start of any member of an ensemble; it has no tangents.
-
-    E is the number of members, p that of parameters, d that of components; m is 2 if initial
-    derivatives exist, otherwise 1.
-
-    Parameters
-    ----------
-    system, scheme, history, steps, n_steps
-        As of `FixedStepper`.
-    params : ndarray, shape (E, p)
-        Parameters of each member.
-    y0 : ndarray, shape (E, m, d)
-        Initial values of each member.
-    plan : Plan, optional
-        The attribute `plan` of another stepper of the same ensemble.
-
-    Attributes
-    ----------
-    plan : Plan or None
-        The scheme's plan for the components of all members, joined to one system. None if each
-        member needs a plan of its own.
-    """
+    """A march that `begin` sets to the start of any member of an ensemble; it has no tangents."""
 
     def __init__(
         self,
@@ -54,6 +33,9 @@ class MemberStepper(FixedStepper):
         y0: np.ndarray,
         plan: Plan | None = None,
     ) -> None:
+        # params (E, p) and y0 (E, m, d) of the E members; m is 2 if initial derivatives exist, else
+        # 1. plan: the scheme's plan for the components of all members, joined to one system, from
+        # another stepper of the ensemble; None if each member needs a plan of its own.
         super().__init__(system, scheme, history, steps, n_steps)
         self._params, self._y0, self.plan = params, y0, plan
         if plan is None and self._block > 1:

@@ -75,12 +75,10 @@ _MIN_RATIO_IN_ROUNDING = 0.5
 
 @inner
 def solve_step(march, t):
-    """Solve ``scale w + known = lead f(t, base + gain w)`` for w; return whether this succeeded.
-
-    Then solve for the increments of the tangents. The first n_solved components have an equation.
-    The others are memory that f reads, and use the w of their source. The Jacobian and the factors
-    of an earlier step are used while the iteration converges fast (counts.kept).
-    """
+    """Solve ``scale w + known = lead f(t, base + gain w)`` for w; return whether this succeeded."""
+    # Then solve for the increments of the tangents. The first n_solved components have an equation;
+    # the others are memory that f reads, and use the w of their source. Jacobian and factors of an
+    # earlier step are used while the iteration converges fast (counts.kept).
     # state.newton (2, ., .), or (3, ., .) with tangents: the Jacobian, Newton's matrix, and the
     # matrix of the tangents' equations
     m = march.work
@@ -163,12 +161,9 @@ def solve_step(march, t):
 
 @inner
 def size_of(m, change):
-    """Return the size of a correction of w, (d,), and the allowed error in the same unit.
-
-    The size is the largest of any component, in its unit. The allowed error is the size times the
-    least ratio of a component's allowed error to its correction. Components that are rounding of
-    others do not count.
-    """
+    """Return the largest correction of w (d,), in units of components, and the allowed error."""
+    # Allowed is the size times the least ratio of a component's allowed error to its correction.
+    # Components that are rounding of others do not count.
     workspace, d, size, ratio = m.workspace, m.table.n_solved, 0.0, np.inf
     w, shift, base, per_unit = workspace.w, workspace.shift, workspace.base, workspace.per_unit
     for c in range(d):
@@ -196,11 +191,9 @@ def shrank(m, change):
 
 @inner
 def find_noise(m):
-    """Set `workspace.noise` (W,) to |y| where it is rounding of others, else 0; return if any is.
-
-    Rounding of one step adds up to `_OF_NOISE` times its size. A component that is moved by
-    rounding alone is rounding as well.
-    """
+    """Set `workspace.noise` (W,) to |y| where it is rounding of others, else 0; return if any."""
+    # Rounding of one step adds up to _OF_NOISE times its size. A component that is moved by
+    # rounding alone is rounding as well.
     workspace, n, d, more, found = m.workspace, m.table.n_orbit, m.table.n_solved, True, False
     lead, f, gain, scale = workspace.lead, workspace.f, workspace.gain, workspace.scale
     point, noise, sizes, moved = workspace.point, workspace.noise, workspace.sizes, workspace.passed
@@ -218,26 +211,12 @@ def find_noise(m):
 
 @inner
 def verdict(size, previous, allowed, slow, fresh, unchecked):
-    """Return what follows a Newton correction, as a verdict of compiled/newton.py.
-
-    The rate of the iteration is the ratio of two corrections. If further corrections shrink by this
-    rate, the error is rate / (1 - rate) times the last one. Source: [HairerWanner1996], section
-    IV.8.
-
-    Parameters
-    ----------
-    size, previous : float
-        The correction and the one before, the largest in units of its component. `previous` is
-        infinite for the first one with a new Jacobian.
-    allowed : float
-        Allowed error in the same unit.
-    slow : float
-        Rate above which the Jacobian is computed again.
-    fresh : bool
-        Whether the Jacobian is one of this step.
-    unchecked : bool
-        Whether the correction is small, and no residual was compared with rounding errors yet.
-    """
+    """Return what follows a Newton correction, as a verdict of compiled/newton.py."""
+    # The rate is the ratio of two corrections; the error is rate / (1 - rate) times the last one:
+    # [HairerWanner1996], section IV.8. size, previous (infinite for the first one with a new
+    # Jacobian) and allowed are in units of components. slow: rate above which the Jacobian is
+    # computed again; fresh: it is one of this step; unchecked: no residual was compared with
+    # rounding yet.
     rate = size / previous if previous < np.inf else 1.0
     if not size < np.inf:
         return FAIL if fresh else RESTART
@@ -261,12 +240,9 @@ def is_finite(f, d):
 
 @inner
 def step_back(m, t):
-    """Halve the last Newton correction of w until f is finite; return whether f became finite.
-
-    If f never becomes finite, the correction of functional iteration replaces Newton's, and is
-    halved in the same way. Newton's method may leave the domain of f near an edge where the slope
-    of f is infinite.
-    """
+    """Halve the last Newton correction of w until f is finite; return whether f became finite."""
+    # If it never does, the correction of functional iteration replaces Newton's, and is halved too.
+    # Newton's method may leave the domain of f near an edge where its slope is infinite.
     force, workspace, n, d = m.right.force, m.workspace, m.table.n_orbit, m.table.n_solved
     w, change = workspace.w, workspace.moved
     lead, known, scale = workspace.lead, workspace.known, workspace.scale
@@ -288,14 +264,11 @@ def step_back(m, t):
 
 @inner
 def set_row_factors(m, number):
-    """Set the factors of the rows of Newton's matrix (number 0) or the tangents' (1).
-
-    Where sizes of components differ much, elimination by the largest entry of a column would mix
-    rounding of large components into small ones. So rows are in units of their components. The unit
-    is the size, or what the others make of the component if that is more. Without this second part,
-    elimination would go from driven components to those that drive them. A component without a size
-    has the smallest unit. The factors are powers of 2.
-    """
+    """Set the factors of the rows of Newton's matrix (number 0) or the tangents' (1)."""
+    # Pivots by the largest entry of a column would mix rounding of large components into small
+    # ones, so rows are in units: the size, or what the others make of the component if that is
+    # more. Without that part driven components would come before those that drive them. A component
+    # without a size has the smallest unit. The factors are powers of 2.
     workspace, factors, n = m.workspace, m.state.row_factors[number], m.table.n_orbit
     w, shift, base, d = workspace.w, workspace.shift, workspace.base, m.table.n_solved
     sizes, units, least, largest = workspace.sizes[:n], workspace.passed[:n], np.inf, 0.0
@@ -328,11 +301,9 @@ def set_row_factors(m, number):
 
 @inner
 def set_matrix(m, row_factors, out):
-    """Set Newton's matrix, the derivative of ``scale w - lead f(t, base + gain w)`` by w.
-
-    Its rows are multiplied by factors (n,). The Jacobian of f is state.newton[0], dense or sparse;
-    `out` has the same format. Components without an equation get rows of the unit matrix.
-    """
+    """Set Newton's matrix, the derivative of ``scale w - lead f(t, base + gain w)`` by w."""
+    # Rows are multiplied by row_factors (n,). The Jacobian of f is state.newton[0], dense or
+    # sparse, as out is. Components without an equation get rows of the unit matrix.
     workspace, j_f, sources = m.workspace, m.state.newton[0], m.table.sources
     n, d = m.table.n_orbit, m.table.n_solved
     gain, scale, lead = workspace.gain, workspace.scale, workspace.lead
@@ -383,11 +354,8 @@ def no_tangents_solved(m, t):
 
 @plug_in
 def solve_tangents(m, t):
-    """Solve ``scale w + known = lead (J (base + gain w) + df / dp)`` for the w of every tangent.
-
-    J is the Jacobian at the solution of the orbit's step, which is already known. Only tangents
-    that are derivatives by a parameter p have a df / dp. Return False if the matrix is singular.
-    """
+    """Solve ``scale w + known = lead (J (base + gain w) + df / dp)`` for the w of every tangent."""
+    # J is that at the solution of the orbit's step; only derivatives by a parameter p have df / dp
     right, workspace = m.right, m.workspace
     n, d, work = m.table.n_orbit, m.table.n_solved, m.state.newton
     base, w = workspace.base, workspace.w
@@ -416,11 +384,9 @@ def solve_tangents(m, t):
 
 @inner
 def guess(m, p, ratio):
-    """Set w to the first guess of Newton's method.
-
-    If pieces are values of f, the guess solves the step with the last f. Otherwise it is the last
-    increment times `ratio`, the ratio of the two step sizes. `p` is the index of this increment.
-    """
+    """Set w to the first guess of Newton's method."""
+    # With values of f as pieces it solves the step with the last f. Else it is the last increment,
+    # of index p, times `ratio` of the step sizes.
     lead, known, w, last_f, pieces = (
         m.workspace.lead,
         m.workspace.known,

@@ -38,10 +38,8 @@ def given_steps(
     mesh: Any = False,
     **tolerated: Any,
 ) -> UniformSteps | MeshSteps:
-    """Return `UniformSteps` or `MeshSteps` to t_end, including the steps of a resumed `state`.
-
-    Tolerances, rtol and others, are refused, because given steps do not adapt.
-    """
+    """Return `UniformSteps` or `MeshSteps` to t_end, including the steps of a resumed `state`."""
+    # rtol and other tolerances are refused, because given steps do not adapt
     remedy = "or give mesh=graded(n, exponent)" if scheme.takes_meshes and mesh is not False else ""
     left_out("or come with scheme=Collocation()", remedy, **tolerated)
     if mesh is None or mesh is False:

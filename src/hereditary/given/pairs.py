@@ -14,21 +14,7 @@ from ..stepping.stepper import Stop, TangentStepper
 
 
 class Pairs(TangentStepper):
-    """Orbits side by side as one stepper, whose tangents are distances from the first one.
-
-    So no derivative is needed. `transform_tangent` rescales the differences of the other orbits
-    from the first one: those of the solution, of the memory and of values of f. All other
-    properties are those of the first orbit.
-
-    Parameters
-    ----------
-    opened : callable
-        ``opened(system)`` returns a stepper on given steps at its start, with `parts`.
-    system : System
-    directions : ndarray, shape (n_data, k)
-    separation : float
-        Distance from the first orbit at which the others start: the unit of the tangents.
-    """
+    """Orbits side by side as one stepper, whose tangents are distances from the first one."""
 
     def __init__(
         self,
@@ -37,6 +23,8 @@ class Pairs(TangentStepper):
         directions: np.ndarray,
         separation: float,
     ) -> None:
+        # No derivative is needed. opened(system) returns a stepper on given steps, with `parts`.
+        # directions (n_data, k); separation: distance of orbits at the start, the unit of tangents.
         self._separation, self.system = separation, system
         starts, n = [], system.n_solved
         for direction in separation * directions.T:
@@ -91,10 +79,7 @@ class Pairs(TangentStepper):
 
     @property
     def tangent(self) -> np.ndarray:
-        """Differences of the other orbits from the first, over the separation, (n_data, k).
-
-        These are differences of y, and of y' for orders above 1.
-        """
+        """Differences from the first orbit over the separation, (n_data, k)."""
         first, *others = (np.append(each.y, each.ydot[self.system.above_one]) for each in self._all)
         return (np.array(others) - first).T / self._separation
 

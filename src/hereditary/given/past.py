@@ -18,21 +18,15 @@ LANES = 4
 
 @compiled
 def exchange_nothing(lag, pieces, n, groups, tables, memory):
-    """Do nothing, because no sum is needed here.
-
-    Either all terms have integer orders, or the march sums the modes itself (`read_rows`).
-    """
+    """Do nothing: all orders are integers, or the march sums the modes itself (`read_rows`)."""
 
 
 @compiled
 def exchange_modes(lag, pieces, n, groups, tables, memory):
-    """Add the finished block's pieces to the modes, and the sum over modes to the next lag.
-
-    The mode of rate s is ``Z = sum_k q**(k_newest - k) u_k`` with pieces u_k and q = exp(-s h). The
-    lag of a block of steps is the product of weighted modes and a table of powers of q. The first
-    weights of some schemes are no sums of exponentials. For these weights a window of the newest
-    pieces adds corrections.
-    """
+    """Add the finished block's pieces to the modes, and the sum over modes to the next lag."""
+    # The mode of rate s is Z = sum_k q**(k_newest - k) u_k with pieces u_k and q = exp(-s h). The
+    # lag of a block is the product of weighted modes and a table of powers of q. First weights that
+    # are no sums of exponentials are corrected by a window of the newest pieces.
     # lag (W, B), pieces (W, B + 1), M modes of which the first `length` have real rates
     # memory: modes (W, M), modes of start values (W, V M), pieces (W, L), the window
     # tables:
@@ -98,10 +92,7 @@ def slide(window, pieces):
 
 @inner
 def add_corrections(lag, window, corrections):
-    """Add to the lag (B,) the window's pieces times the corrections of their weights.
-
-    A correction is an exact weight less its sum of exponentials.
-    """
+    """Add to the lag (B,) the window's pieces times exact weights less exponential sums."""
     # the last entry of the window is u_(n-2), which has k = 2 in the first step of the block
     length = window.shape[0]
     for k in range(length):
@@ -137,13 +128,11 @@ def two_sum(total, lost, term):
 
 @inner(allocates=True)
 def add_direct(lag, pieces, n, groups, tables, memory):
-    """Store the finished block's pieces, and add the sum over stored pieces to the next lag.
-
-    If tables.length > 0, sum only over the pieces of the present batch of so many steps. The sums
-    are the reference for other histories, so Knuth's two-sum compensates their rounding errors.
-    Kahan's rule would lose digits if a term exceeds the sum before it, as in an oscillation. The
-    inner loop runs over the steps of the block and is vectorised.
-    """
+    """Store the finished block's pieces, and add the sum over stored pieces to the next lag."""
+    # If tables.length > 0, only over pieces of the present batch of so many steps. Sums are the
+    # reference of other histories, so Knuth's two-sum compensates rounding. Kahan's rule would lose
+    # digits where a term exceeds the sum, as in an oscillation. The inner loop runs over the steps
+    # of the block and is vectorised.
     # lag (W, B), pieces (W, B + 1)
     # tables: weights (C R, > n + B), start_weights (V C, > n + B)
     # memory: pieces (W, capacity) with u_m at index m + 1, starts (W, V)
@@ -179,25 +168,13 @@ def add_direct(lag, pieces, n, groups, tables, memory):
 
 @compiled
 def set_amplitudes(scale, from_moments, decays, own):
-    """Set the amplitudes of a sum of exponentials that approximates ``t**-a``, for each of n steps.
-
-    The rates are ``exp(x + h j)``, j = 1, 2, .., and the amplitude of each rate is exp(a h) times
-    that of the rate before. Only the amplitude at j = 1 is set. Three rates replace all slower
-    rates, j <= 0, with the same moments k = 0, 1, 2 of the amplitudes. These moments are
-    ``before / (1 - exp(-(a + k) h))``, `before` being the amplitude at j = 0.
-
-    Parameters
-    ----------
-    scale : ndarray, shape (n,)
-        Factor of the amplitudes.
-    from_moments : ndarray, shape (3, 3)
-        Amplitudes of the three rates for a unit of each moment.
-    decays : ndarray, shape (2,)
-        exp(-k h) for k = 1, 2.
-    own : ndarray, shape (6, n)
-        On entry rows 0, 1 and 3 are exp(a x), exp(a h) and exp(-a h) - 1. On return row 0 is the
-        amplitude at j = 1, and rows 3 to 5 are the amplitudes of the three slow rates.
-    """
+    """Set amplitudes of a sum of exponentials that approximates ``t**-a`` in each of n steps."""
+    # The rates are exp(x + h j), j = 1, 2, .., and each amplitude is exp(a h) times the one before.
+    # Only that at j = 1 is set. Three rates replace all with j <= 0, with the same moments k = 0,
+    # 1, 2 of the amplitudes, before / (1 - exp(-(a + k) h)), before being that at j = 0. scale
+    # (n,): factor of amplitudes; from_moments (3, 3): amplitudes for a unit of each moment; decays
+    # (2,): exp(-k h), k = 1, 2. Rows 0, 1, 3 of own (6, n) are exp(a x), exp(a h), exp(-a h) - 1;
+    # then row 0 is the amplitude at j = 1, and rows 3 to 5 are those of the slow rates.
     for i in range(scale.shape[0]):
         before, fall = own[0, i] * scale[i], own[3, i]
         m0 = -before / fall
@@ -210,13 +187,11 @@ def set_amplitudes(scale, from_moments, decays, own):
 
 @inner(fuses=True)
 def read_rows(lag, pieces, n, groups, tables, memory):
-    """Add u_(n-2) to the modes, and set the lag of step n to the sum of weighted modes.
-
-    For every order the amplitudes of a power-law kernel on the rates exp(h j) are a geometric
-    sequence. So the weighted sum of modes is a polynomial in the ratio of this sequence. Horner's
-    rule first combines the four quarters of the modes in parallel. Then it runs over every fourth
-    of the partial sums. So few products depend on the one before, and no weights are stored.
-    """
+    """Add u_(n-2) to the modes, and set the lag of step n to the sum of weighted modes."""
+    # Amplitudes of a power law on the rates exp(h j) are geometric, so the weighted sum of modes is
+    # a polynomial in their ratio. Horner's rule combines the four quarters of the modes in
+    # parallel, then every fourth of the partial sums. So few products wait for the one before, and
+    # no weights are stored.
     # T terms in a group, G rates on the grid and three slow rates behind them, M = G + 3
     # pieces (W, 2)
     # memory: modes (W, M), or (W, 2 M) if terms with y'' have their own modes, from `length` on

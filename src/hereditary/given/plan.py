@@ -23,31 +23,18 @@ from .signatures import StepRows
 
 @dataclass(frozen=True)
 class WeightRule:
-    """A family of weights w_k with a parameter p, a number or a kernel in units of the step.
+    """A family of weights w_k with a parameter p, a number or a kernel in units of the step."""
 
-    Attributes
-    ----------
-    exact : callable
-        ``exact(p, n)``: the weights w_0 .. w_(n-1), along the last axis. A set of exponential
-        kernels as p, an `ExponentialSteps`, gives one row of weights for each.
-    exponent : callable, optional
-        ``exponent(p)``: exponent a of the kernel ``t**-a`` behind the weights. For a general kernel
-        it is a `StepKernel`, and without memory it is None. By default the kernel's `key`.
-    shares : callable, optional
-        ``shares(p, rates, weights, k)``: the result of `modal`. By default `modal` calls `exact`
-        for each exponential of the kernel.
-    """
-
+    # exact(p, n): w_0 .. w_(n-1) along the last axis, a row for each kernel of `ExponentialSteps`
     exact: Callable[[Any, int], np.ndarray]
+    # exponent(p): a of the kernel t**-a, or a `StepKernel`; None without memory
     exponent: Callable[[Any], Any] = attrgetter("key")
-    shares: Callable[[Any, np.ndarray, np.ndarray, int], np.ndarray] | None = None
+    shares: Callable[[Any, np.ndarray, np.ndarray, int], np.ndarray] | None = None  # as `modal`
 
     def modal(self, p: Any, rates: np.ndarray, weights: np.ndarray, k: int) -> np.ndarray:
-        """Return the contributions (M,) to w_k of M modes.
-
-        The modes are the summands ``weights exp(-rates t)``, t >= 1, of a kernel in units of the
-        step. From k to k + 1 a contribution decays by ``exp(-rates)``.
-        """
+        """Return the contributions (M,) to w_k of M modes."""
+        # The modes are summands weights exp(-rates t), t >= 1, of a kernel in units of the step.
+        # From k to k + 1 a contribution decays by exp(-rates).
         if self.shares:
             return self.shares(p, rates, weights, k)
         return self.exact(ExponentialSteps(rates, p.amplitude * weights), k + 1)[..., k]
@@ -55,25 +42,14 @@ class WeightRule:
 
 @dataclass(frozen=True)
 class Convolution:
-    """Sum that a history computes on uniform steps: ``lag_n = sum_k W_k u_(n-k)``, k >= 2.
+    """Sum that a history computes on uniform steps: ``lag_n = sum_k W_k u_(n-k)``, k >= 2."""
 
-    Columns with the same terms form one of C groups, with the weights ``W_k = sum_j factor_j
-    rule_j(p_j)_k``. The lag also has V start values for each column. Their weights are sums of
-    exponentials from k = 2 on.
+    # Each of C groups of columns has weights W_k = sum_j factor_j rule_j(p_j)_k. Those of V start
+    # values of each column are sums of exponentials from k = 2 on.
 
-    Attributes
-    ----------
-    groups : tuple of tuple of (float, WeightRule, float)
-        (factor, rule, p) of all summands of W_k, for each of C groups.
-    start_groups : tuple of tuple of (float, WeightRule, float)
-        The same for start values: C tuples for the first start value, then C for the second, etc.
-    first_modal : int
-        First k from which the weights are sums of exponentials, at least 2.
-    """
-
-    groups: tuple
-    start_groups: tuple
-    first_modal: int = 2
+    groups: tuple  # (factor, rule, p) of all summands of W_k, for each of C groups
+    start_groups: tuple  # the same of start values: C tuples of the first, then of the second, ..
+    first_modal: int = 2  # first k from which weights are sums of exponentials
 
     def prepare(self, n_end: int) -> None:
         """Do nothing: all steps but the first have the same coefficients."""
@@ -124,11 +100,9 @@ class Convolution:
     def modal(
         self, rates: np.ndarray, weights: dict[Any, Any], k: int, k_start: int
     ) -> tuple[np.ndarray, ...]:
-        """Return the contributions of modes with M rates to W_k, (C, M), and to start weights.
-
-        Those to start weights, (V C, M), are taken at `k_start` instead of k. `weights` maps a
-        kernel's exponent, or its `StepKernel`, to the weights (M,) of its exponential sum.
-        """
+        """Return contributions of modes to W_k, (C, M), and to start weights, (V C, M)."""
+        # those at k_start instead of k; weights: those of modes (M,) by the exponent of a kernel,
+        # or by its `StepKernel`
 
         def share(terms: list[Any], at: int) -> np.ndarray:
             pieces = (
@@ -175,15 +149,7 @@ class Plan:
 
 
 def distinct_columns(system: System) -> tuple[list[Any], np.ndarray]:
-    """Group components by their terms, and by whether they are memory that f reads.
-
-    Returns
-    -------
-    distinct : list of (terms, bool)
-        Terms of each group as in `System.distinct`, and whether f reads it as memory.
-    groups : ndarray of int64, shape (d,)
-        Group of each component.
-    """
+    """Return terms of each group of components, whether f reads it as memory, and groups (d,)."""
     distinct, groups = system.distinct
     keys = [
         (distinct[a], bool(is_memory))

@@ -28,12 +28,9 @@ def inverse_gamma(p):
 
 @compiled
 def series_of_power(factor, alpha, n):
-    """Return n coefficients of ``(1-z)**(alpha-1) * F(z)**alpha``, a power series in z.
-
-    F is the polynomial with the coefficients `factor` (m,). The product G obeys
-    ``(1-z) F G' = ((1-alpha) F + alpha (1-z) F') G``. Comparing coefficients gives each coefficient
-    of G from earlier ones by a few operations, without cancellation.
-    """
+    """Return n coefficients of ``(1-z)**(alpha-1) * F(z)**alpha``, a power series in z."""
+    # F has the coefficients factor (m,). The product G obeys (1-z) F G' = ((1-alpha) F + alpha
+    # (1-z) F') G, which gives each coefficient from earlier ones without cancellation.
     m = factor.shape[0]
     a, b = np.zeros(m + 1), np.zeros(m + 1)  # (1-z) F, and the factor of G on the right side
     for j in range(m):

@@ -22,10 +22,8 @@ from .plan import Plan
 
 
 def with_initial_values(plan: Plan, system: System, order: float) -> Plan:
-    """Return a plan with the initial values of Riemann-Liouville terms added to its known terms.
-
-    `order` is the order of convergence of the plan's scheme.
-    """
+    """Return a plan with the initial values of Riemann-Liouville terms added to its known terms."""
+    # order: that of convergence of the plan's scheme
     terms = [(op, c) for op, c in system.left if op.from_zero and op.constant]
     if not (terms and plan.rows.shared):  # if each step has its own row, rows contain the terms
         return plan
@@ -58,12 +56,9 @@ def with_initial_values(plan: Plan, system: System, order: float) -> Plan:
 
 @lru_cache(maxsize=64)
 def first_samples(gamma: float, theta: float, n: int) -> np.ndarray:
-    """Return corrections (n,) of the first n samples of ``t**-gamma``; the step is 1.
-
-    Samples are taken at t = k + theta, k >= 0, but not at t = 0. By the Euler-Maclaurin formula a
-    sum of samples of ``t**(j-gamma)`` differs from the integral by ``zeta(gamma - j, theta)``. The
-    corrections cancel this error for all j < n.
-    """
+    """Return corrections (n,) of the first n samples of ``t**-gamma``; the step is 1."""
+    # At t = k + theta, k >= 0, without t = 0. By the Euler-Maclaurin formula a sum of samples of
+    # t**(j-gamma) misses the integral by zeta(gamma - j, theta): cancelled here for all j < n.
     places = np.arange(n) + theta
     lacking = [-hurwitz_zeta(gamma - j, theta or 1.0) for j in range(n)]
     return np.linalg.solve(np.vander(places, n, increasing=True).T, lacking)

@@ -43,11 +43,8 @@ _GROUP = 64
 def moments(
     low: np.ndarray, width: np.ndarray, p: np.ndarray, bent: bool = True
 ) -> tuple[Any, ...]:
-    """Return the moments m_0 and m_1 of ``p T**(p-1)`` over distances T in [low, low + width].
-
-    m_1 is 0 unless `bent`. The width is an argument, because low + width rounds to low for a tiny
-    step far away.
-    """
+    """Return the moments m_0 and m_1 of ``p T**(p-1)`` over distances T in [low, low + width]."""
+    # m_1 is 0 unless bent; low + width would round to low for a tiny step far away
     low = np.atleast_1d(low)
     high, nearest = low + width, low == 0.0
     beyond = np.where(nearest, 1.0, low)
@@ -69,10 +66,8 @@ def moments(
 
 
 def _tilt(z: np.ndarray, average: np.ndarray, decay: np.ndarray) -> np.ndarray:
-    """Return ``int_0^1 (1/2 - v) exp(-z v) dv``.
-
-    `average` is the mean of ``exp(-z v)`` over v in [0, 1], and `decay` its value at v = 1.
-    """
+    """Return ``int_0^1 (1/2 - v) exp(-z v) dv``."""
+    # average: mean of exp(-z v) over v in [0, 1]; decay: its value at v = 1
     square, series = np.minimum(z, 0.5) ** 2, np.zeros_like(z)
     for k in range(5, -1, -1):  # the rest of the series is below 1e-17 for z < 0.5
         series *= square
@@ -82,15 +77,12 @@ def _tilt(z: np.ndarray, average: np.ndarray, decay: np.ndarray) -> np.ndarray:
 
 
 class _Uniform:
-    """Distances between uniform steps: multiples of h instead of differences of times.
-
-    In step n first derivatives are taken at t_n + theta h, and the right-hand side is taken at
-    t_n + offset h.
-    """
+    """Distances between uniform steps: multiples of h instead of differences of times."""
 
     mesh: ClassVar = None
 
     def __init__(self, h: float, theta: float, offset: float) -> None:
+        # step n takes first derivatives at t_n + theta h, and the right-hand side at t_n + offset h
         self.h, self._theta, self._offset = h, theta, offset
 
     def rows(self, n: np.ndarray) -> dict[str, Any]:
@@ -116,10 +108,8 @@ class _Uniform:
     def decays(
         self, rates: np.ndarray, kinds: np.ndarray, n: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Return factors of modes; see `_Mesh.decays`.
-
-        All steps share one row, and terms with y' and with y'' share the modes.
-        """
+        """Return factors of modes; see `_Mesh.decays`."""
+        # all steps share one row, and terms with y' and y'' the modes
         z = rates * self.h
         mean, keep = mean_exponential(z), np.exp(-z)
         seen = mean * np.exp(-z * (1 + self._theta)), mean * keep * np.expm1(-z) / self.h
@@ -163,18 +153,11 @@ class _Mesh:
         return self._steps[0] ** -gamma * (1 / (1 - gamma) - self._theta[0] ** -gamma)
 
     def intervals(self, n: np.ndarray, size: int, order: Any) -> tuple[np.ndarray, ...]:
-        """Return distances and lengths of steps n - k, k < size, for R steps n.
-
-        Every result has the shape (R, size); `order` is the layout of the arrays, "C" or "F".
-        Distances are from the time at which step n takes its right-hand side.
-
-        Returns
-        -------
-        there : whether n - k is not negative
-        far, width : distance to the end of step n - k, and its length up to that time
-        behind, between : distance to the middle of step n - k, and from there to the middle before
-        steps, slopes : length of step n - k, and its lean over a difference of mean slopes
-        """
+        """Return distances and lengths of steps n - k, k < size, for R steps n."""
+        # all (R, size), in the layout `order`; distances are from the time of the right-hand side
+        # of step n: there (n - k >= 0), far (to the end of step n - k), width (its length up to
+        # that time), behind (to its middle), between (from there to the middle before), steps (its
+        # length), slopes (its lean over a difference of mean slopes)
         n = np.array(np.broadcast_to(n[:, None], (n.size, size)), order=order)
         j = n - np.arange(size)
         there, j = j >= 0, np.maximum(j, 0)
@@ -188,18 +171,10 @@ class _Mesh:
     def decays(
         self, rates: np.ndarray, kinds: np.ndarray, n: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Return factors of M modes at R steps n, for terms with y' and y''.
-
-        `kinds` lists the derivatives that occur, 1 for y' and 2 for y''. Every kind has M modes.
-
-        Returns
-        -------
-        keep, take : ndarray, shape (R, .)
-            In step n a mode Z becomes ``keep Z + take u_(n-2)``. Modes of the first kind come
-            first.
-        seen : ndarray, shape (2, R, M)
-            Factors of modes in the sum of step n, for terms with y' and with y''.
-        """
+        """Return factors of M modes at R steps n, for terms with y' and y''."""
+        # kinds: 1 if y' occurs, 2 if y'' does; each has M modes, those of the first kind come
+        # first. A mode Z becomes keep Z + take u_(n-2), keep and take (R, .); seen (2, R, M) are
+        # its factors in the sum of step n, for terms with y' and y''.
         n = n[:, None]
         j, newest = np.maximum(n - 2, 0), np.maximum(n - 1, 0)
         keeps, takes, seen = [], [], np.zeros((2, n.size, rates.size))
@@ -227,39 +202,16 @@ class _Mesh:
 
 
 class RowSums:
-    """Sums over earlier increments, with weights that are computed for each step.
-
-    Below, R is a number of steps and C the number of groups of components with the same terms.
-
-    Parameters
-    ----------
-    system : System
-    steps : _Uniform or _Mesh
-    parabolas : int
-        0 for lines; 1 for parabolas on all steps but the newest; 2 for parabolas on all steps.
-        Parabolas need a mesh.
-    explicit : bool
-        Whether the right-hand side is taken where the step begins. Then the march solves for the
-        change of the increment.
-
-    Attributes
-    ----------
-    groups : ndarray of int64, shape (d,)
-        Group of each component; components of a group have the same terms.
-    terms : tuple of tuple of (float, operator)
-        Terms of each group.
-    varies : bool
-        Whether an order varies.
-    powers : dict
-        p = m - alpha and 1 / Gamma(p + 1) at the steps of `rows`, both (R,), for each operator of
-        order alpha. Its kernel acts on the derivative of order m.
-    rows : StepRows
-        Coefficients of the batch of steps that was computed last.
-    """
+    """Sums over earlier increments, with weights that are computed for each step."""
 
     def __init__(
         self, system: System, steps: Any, parabolas: int = 0, explicit: bool = False
     ) -> None:
+        # R steps, C groups of components with the same terms, groups (d,). parabolas: 0 lines, 1
+        # parabolas but on the newest step, 2 on all, which needs a mesh. explicit: the right-hand
+        # side is taken where the step begins, and steps are solved for the change of the increment.
+        # powers: p = m - alpha and 1 / Gamma(p + 1) (R,) by operators of order alpha, acting on the
+        # derivative m. rows: coefficients of the last batch.
         distinct, self.groups = distinct_columns(system)
         self.terms, is_memory = zip(*distinct, strict=True)
         self.steps, self._parabolas, self._explicit = steps, parabolas, explicit
@@ -274,10 +226,8 @@ class RowSums:
         self.rows = self._rows(np.arange(0), *np.ones((2, len(self.terms), 0)))
 
     def prepare(self, n_end: int) -> None:
-        """Check the orders at about a thousand steps up to `n_end`, before the run begins.
-
-        Raise `OrderFailed` if an order is outside its range, or if its function raises.
-        """
+        """Check the orders at about a thousand steps up to `n_end`, before the run begins."""
+        # raises `OrderFailed` if an order is outside its range, or if its function raises
         if n_end > self._n_end:
             some = np.unique(np.linspace(0, n_end - 1, _LOOKED_AT).astype(int))
             *_, failure = self._sampled(some)
@@ -286,15 +236,8 @@ class RowSums:
             self._n_end = n_end
 
     def reach(self, n: int) -> tuple[int, StepRows]:
-        """Compute the coefficients of the batch of steps that contains step n, if still unknown.
-
-        Returns
-        -------
-        end : int
-            First step behind those with coefficients.
-        rows : StepRows
-            Coefficients; a new tuple if this call computed them, else that of the last call.
-        """
+        """Compute the batch with step n, if unknown; return the step behind it, and its rows."""
+        # a new tuple of rows if this call computed them, else that of the last call
         last, n_end = self._known
         # rows beyond the former end of the run are copies: if the run goes on, compute them
         if not self.rows.first <= n < min(last, n_end):
@@ -309,10 +252,8 @@ class RowSums:
         return min(last, n_end), self.rows
 
     def _sampled(self, n: np.ndarray) -> tuple[dict, int, str]:
-        """Return p of each operator at steps n, the number of valid steps, and an error message.
-
-        The message describes the first invalid order, and is empty if all are valid.
-        """
+        """Return p of each operator at steps n, how many are valid, and a message or ""."""
+        # the message describes the first invalid order
         times, found, n_good, failure = self.steps.times(n), {}, n.size, ""
         for operator in self._operators:
             found[operator], reason = operator.powers(times[:n_good])
@@ -321,10 +262,8 @@ class RowSums:
         return found, n_good, failure
 
     def _fill(self, n: np.ndarray) -> int:
-        """Compute the coefficients of steps n; return how many steps have valid ones.
-
-        Steps beyond the run's end get the coefficients of its last step.
-        """
+        """Compute the coefficients of steps n; return how many steps have valid ones."""
+        # steps beyond the run's end get the coefficients of its last step
         first, n = int(n[0]), np.minimum(n, self._n_end - 1)
         powers, n_good, self._trouble = self._sampled(n)
         self.powers = {op: (p[:n_good], inverse_gamma(p[:n_good])) for op, p in powers.items()}
@@ -354,10 +293,8 @@ class RowSums:
         )
 
     def _drift(self, n: np.ndarray, lead: np.ndarray) -> np.ndarray:
-        """Return factors of x'(0), which increments omit, and of x(0) in Riemann-Liouville terms.
-
-        The shape is (C, R), (2 C, R) with Riemann-Liouville terms, and (C, 0) without any factor.
-        """
+        """Return factors of x'(0), which increments omit, and of Riemann-Liouville x(0)."""
+        # (C, R), (2 C, R) with Riemann-Liouville terms, and (C, 0) without any factor
         if not (self._above or self.from_zero):
             return np.zeros((len(lead), 0))
         found = np.zeros((1 + self.from_zero, *lead.shape))
@@ -374,11 +311,9 @@ class RowSums:
         return (found * lead).reshape(len(found) * len(lead), n.size)
 
     def _initial(self, n: np.ndarray, gamma: np.ndarray, first: int) -> np.ndarray:
-        """Return ``t**-gamma / Gamma(1-gamma)`` at steps n, with a correction in step `first`.
-
-        At t = 0 the result is 0. `first` is 1 if an explicit scheme gets the increment of step 0
-        from the initial values, otherwise 0. `gamma` (R,) are the orders at steps n.
-        """
+        """Return ``t**-gamma / Gamma(1-gamma)`` at steps n, with a correction in step `first`."""
+        # 0 at t = 0. first: 1 if an explicit scheme gets the increment of step 0 from the initial
+        # values, else 0. gamma (R,): orders at steps n.
         times, first = self.steps.times(n), first - int(n[0])
         values = np.where(times > 0, times, np.inf) ** -gamma
         if 0 <= first < n.size:
@@ -386,10 +321,8 @@ class RowSums:
         return values * rgamma(1 - gamma)
 
     def weights(self, first: int, last: int, k_end: int) -> Any:
-        """Return weights of the increments u_(n-k), k < k_end, for steps n from `first` to `last`.
-
-        Shape (C, last - first, k_end); they are not divided by the leading weight.
-        """
+        """Return weights of increments u_(n-k), k < k_end, for steps n from `first` to `last`."""
+        # (C, last - first, k_end), not divided by the leading weight
         return self._weights(np.arange(first, last), k_end, first - self.rows.first)
 
     def direct(self, first: int, last: int, k_end: int) -> Any:
@@ -398,10 +331,7 @@ class RowSums:
         return self.weights(first, last, k_end) * lead[..., None]
 
     def _weights(self, n: np.ndarray, k_end: int, at: int, order: Any = "C") -> np.ndarray:
-        """Return `weights` at steps n, whose values in `powers` begin at index `at`.
-
-        `order` is the layout of the arrays, "C" or "F".
-        """
+        """Return `weights` at steps n, from index `at` of `powers` on, in the layout `order`."""
         bent = self._parabolas > 0
         shape = n.size, k_end + bent
         there, far, width, behind, between, steps, slopes = self.steps.intervals(n, shape[1], order)
@@ -455,11 +385,9 @@ class RowSums:
 
 
 def varying_plan(system: System, h: float, theta: float, explicit: bool) -> Plan:
-    """Make the plan of a scheme on uniform steps, for an equation with varying orders.
-
-    First derivatives are taken at t_n + theta h. An explicit scheme takes its right-hand side at
-    t_n, an implicit one at t_n + theta h.
-    """
+    """Make the plan of a scheme on uniform steps, for an equation with varying orders."""
+    # y' is taken at t_n + theta h, f at t_n by an explicit scheme and at t_n + theta h by an
+    # implicit one
     sums = RowSums(system, _Uniform(h, theta, 0.0 if explicit else theta), explicit=explicit)
     given = (system.highest_orders() > 1).astype(np.int64) if explicit else None
     return _plan(system, sums, h, given=given, slowest=SLOWEST if explicit else 0.0)
@@ -468,10 +396,8 @@ def varying_plan(system: System, h: float, theta: float, explicit: bool) -> Plan
 def mesh_plan(
     scheme: Scheme, system: System, times: np.ndarray, theta: Any, parabolas: int
 ) -> Plan:
-    """Make the plan of a scheme on a mesh of any steps.
-
-    The equation holds at the fraction theta of each step; `parabolas` is that of `RowSums`.
-    """
+    """Make the plan of a scheme on a mesh of any steps."""
+    # the equation holds at the fraction theta of each step; parabolas as in `RowSums`
     highest, up_to = float(system.highest_orders().max()), scheme.meshes_up_to
     if highest > up_to:
         required = f"lie in (0, {up_to:g}] for {type(scheme).__name__} on a mesh"

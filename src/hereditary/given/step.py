@@ -22,10 +22,8 @@ def evaluate(march, t, x, f):
 
 @plug_in
 def push_tangents(m, t, x, f):
-    """Set the right-hand sides f of the tangents: the Jacobian times each tangent, plus df / dp_k.
-
-    df / dp_k is added to the first tangents only, which are derivatives by a parameter.
-    """
+    """Set the f of the tangents: the Jacobian times each tangent, plus df / dp_k."""
+    # df / dp_k of the first tangents only, which are derivatives by a parameter
     right, d, j_f = m.right, m.table.n_orbit, m.state.newton[-1]
     m.state.counts.rhs += right.jacobian(right.force, t, x[:d], m.workspace.units, j_f)
     for first in range(d, x.shape[0], d):
@@ -43,11 +41,8 @@ def push_nothing(m, t, x, f):
 
 @inner
 def predict(m):
-    """Predict w with f of the last step, and add `lacks`.
-
-    The last step used an f that was evaluated once more at its end. `lacks` is lead times the
-    difference, which the solution still lacks.
-    """
+    """Predict w with f of the last step, and add `lacks`."""
+    # lacks: lead times the change of f, evaluated again at the last step's end, that y lacks
     known, lead, w = m.workspace.known, m.workspace.lead, m.workspace.w
     last_f, lacks = m.state.last_f, m.state.lacks
     for c in range(w.shape[0]):
@@ -99,10 +94,8 @@ def set_known_terms(m, p):
 
 @inner
 def add_drift(m, i):
-    """Add the parts with x'(0), and with x(0), to `known`, if each step has its own coefficients.
-
-    x(0) occurs in Riemann-Liouville terms only; then the state's `drift` is x(0).
-    """
+    """Add parts with x'(0), and with x(0), to `known`, if each step has its own coefficients."""
+    # x(0) occurs in Riemann-Liouville terms only; then the state's drift is x(0)
     groups, drifts, speed, amplitudes = m.table.groups, m.rows.drift, m.state.shift, m.state.drift
     known, n_groups = m.workspace.known, drifts.shape[0] // (1 + amplitudes.shape[1])
     for c in range(known.shape[0]):
@@ -129,10 +122,8 @@ def add_powers(m, n, t):
 
 @inner
 def set_argument_map(m, theta):
-    """Set `base` and `gain`: f is taken at ``base + gain w``, w being that of a column's source.
-
-    A column of memory that f reads has another column as source; other columns are their own.
-    """
+    """Set `base` and `gain`: f is taken at ``base + gain w``, w being that of a column's source."""
+    # a column of memory that f reads has another one as source; others are their own
     sources, x, workspace = m.table.sources, m.state.x, m.workspace
     shift, scale, known, lead = workspace.shift, workspace.scale, workspace.known, workspace.lead
     base, gain = workspace.base, workspace.gain
@@ -167,10 +158,8 @@ def change(m, n, p):
 
 @inner
 def close(m, n, p, ratio, explicit):
-    """End step n: add its increment to x, store its piece, and add this piece to later lags.
-
-    Only lags of the same block get the piece; p is the number of the step in its block.
-    """
+    """End step n: add its increment to x, store its piece, and add this piece to later lags."""
+    # only lags of the same block get the piece; p is the number of the step in its block
     table, state, workspace = m.table, m.state, m.workspace
     groups, sources, weights, given = table.groups, table.sources, table.weights, table.given
     shift, known = workspace.shift, workspace.known
@@ -202,10 +191,8 @@ def close(m, n, p, ratio, explicit):
 
 @inner
 def first_value(m, explicit):
-    """Set `known` to the first start value of each column.
-
-    In implicit schemes this is the increment of the first step, in explicit ones a given value.
-    """
+    """Set `known` to the first start value of each column."""
+    # the increment of the first step in implicit schemes, a given value in explicit ones
     starts, w, out = m.state.starts, m.workspace.w, m.workspace.known
     for c in range(out.shape[0]):
         out[c] = starts[c, 0] if explicit else w[c]

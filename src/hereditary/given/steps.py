@@ -74,10 +74,8 @@ class Span(NamedTuple):
 def mesh_steps(
     mesh: Graded | ArrayLike, t_end: float, so_far: MeshSteps | None = None, origin: float = 0.0
 ) -> MeshSteps:
-    """Check a mesh that ends at t_end, and return its steps behind those of the run so far.
-
-    Error messages add `origin` to times.
-    """
+    """Check a mesh to t_end, and return its steps behind those so far."""
+    # messages add origin to times
     start = 0.0 if so_far is None else float(so_far.mesh[-1])
     if isinstance(mesh, Graded):
         times = start + mesh.times(t_end - start)
@@ -100,9 +98,9 @@ def mesh_steps(
 class UniformSteps:
     """Steps of one length from 0 on."""
 
-    h: float  # step [time]
-    n: int = 0  # number of steps of the run
-    span: int = 0  # number of steps that the history of the run covers; 0 before the run begins
+    h: float  # [time]
+    n: int = 0  # of the run
+    span: int = 0  # number that the history covers; 0 before the run begins
 
     def covered(self, n_steps: int, horizon: float) -> int:
         """Return the number of steps that the history must cover: the run's, or up to `horizon`."""
@@ -144,8 +142,8 @@ class UniformSteps:
 class MeshSteps:
     """Steps between the times of a mesh."""
 
-    mesh: np.ndarray  # (n+1,), times t_0 to t_n, t_0 = 0 [time]
-    span: Span  # range of time lags that the history must cover
+    mesh: np.ndarray  # times t_0 = 0 to t_n, (n+1,) [time]
+    span: Span  # time lags that the history must cover
 
     h: ClassVar[float] = 0.0
 
@@ -198,10 +196,8 @@ def steps_in(name: str, length: float, h: float) -> int:
 def break_steps(
     times: np.ndarray, start: float, t_end: float, steps: Any, origin: float
 ) -> frozenset[int]:
-    """Return the numbers n of all breaks t_n in [start, t_end], as a frozenset.
-
-    Refuse breaks that are not at ends of steps; the error message adds `origin` to times.
-    """
+    """Return the numbers n of all breaks t_n in [start, t_end], as a frozenset."""
+    # refuses breaks that are not at ends of steps; the message adds origin to times
     times = times[(times >= start) & (times <= t_end)]
     if times.size == 0:
         return frozenset()
@@ -216,10 +212,7 @@ def break_steps(
 
 
 def before_break(breaks: frozenset[int], n: int, stop: int) -> int:
-    """Return the step up to which one call of the march may go from step n.
-
-    Each step next to a break needs a call of its own.
-    """
+    """Return the step to which a call may go from n: steps next to breaks need their own."""
     if not breaks:
         return stop
     if breaks & {n, n + 1}:
@@ -230,11 +223,9 @@ def before_break(breaks: frozenset[int], n: int, stop: int) -> int:
 def rows_beside(
     breaks: frozenset[int], n: int, rows: StepRows, steps: Any, origin: float
 ) -> StepRows:
-    """Return the coefficients `rows`, with f taken slightly inside step n if a break is at its end.
-
-    Without this shift a step might take f on the wrong side of the jump. `breaks` has the numbers n
-    of all breaks t_n. The user's f gets times plus `origin`, so the shift exceeds their rounding.
-    """
+    """Return `rows`, with f taken slightly inside step n if a break is at its end."""
+    # breaks: numbers n of all breaks t_n. Otherwise a step might take f on the wrong side of the
+    # jump. The shift exceeds the rounding of the user's times, which add origin.
     if not breaks:
         return rows
     theta = rows.theta

@@ -125,22 +125,18 @@ def _over(total: float, terms: list[Any]) -> tuple[Any, ...]:
 def parabola_plan(
     system: System, h: float, theta: float, closing: bool = False, **more: Any
 ) -> Plan:
-    """Make the plan of a scheme whose solution is a parabola on each step.
-
-    The equation holds at t_n + theta h; for `closing` see `parabola_weights`.
-    """
+    """Make the plan of a scheme whose solution is a parabola on each step."""
+    # the equation holds at t_n + theta h; for closing see `parabola_weights`
     rules = parabola_weights(theta, closing), parabola_start(theta)
     weighed, start = (partial(by_rule, h=h, rule=rule) for rule in rules)
     return uniform_plan(system, h, theta, weighed, starts=[(start, 0.0)], **more)
 
 
 def drift_of_speed(system: System, whole: bool = False) -> Any:
-    """Return amplitudes and powers, (r, d) each, of the r derivatives of t x'(0).
-
-    Increments leave out t x'(0), so these terms are added. r is 0 if `whole`, because increments
-    then contain h x'(0). Amplitudes are 0 for components of order up to 1. Such components have an
-    x'(0) only after `reduce_order`, whose terms act on x - t x'(0).
-    """
+    """Return amplitudes and powers, (r, d) each, of the r derivatives of t x'(0)."""
+    # Increments leave t x'(0) out, so these terms are added; r is 0 if `whole`, when they contain h
+    # x'(0). Amplitudes are 0 for orders up to 1, but after `reduce_order`, whose terms act on x - t
+    # x'(0).
     if system.m == 1 or whole:
         return np.zeros((2, 0, system.d))
     above = system.above

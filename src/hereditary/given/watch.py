@@ -48,13 +48,10 @@ SLOWEST = 11.0
 
 @inner
 def watch_turn(own, change, increment, size, slowest, counts):
-    """Update a component's record `own` at a turn, and note signs of instability in `counts`.
-
-    `increment` is the newest one, `change` its difference from the increment before, and `size` the
-    solution. Turns more than `slowest` steps apart belong to a resolved oscillation. The field
-    counts.zigzag becomes the step at which a zigzag has lasted. The field counts.growth becomes the
-    step at which changes have grown.
-    """
+    """Update a component's record `own` at a turn, and note signs of instability in `counts`."""
+    # size: that of y; turns more than slowest steps apart are of a resolved oscillation.
+    # counts.zigzag becomes the step at which a zigzag has lasted, counts.growth that at which
+    # changes have grown.
     change, increment, size, n = abs(change), abs(increment), abs(size), float(counts.step)
     length, before = n - own.turned, own.change
     growth = 1.0
@@ -73,12 +70,9 @@ def watch_turn(own, change, increment, size, slowest, counts):
 
 @inner
 def watch_turning(own, change, size, length, counts):
-    """Note in counts.zigzag the step at which a series of quick, large turns did not shrink.
-
-    Beyond the step limit a force that saturates keeps an orbit turning in this way. Below the step
-    limit modes of order below 2 shrink. Undamped oscillators of order 2 do not, so they are not
-    watched here.
-    """
+    """Note in counts.zigzag the step at which a series of quick, large turns did not shrink."""
+    # Beyond the step limit a force that saturates keeps an orbit turning so; below it modes of
+    # order below 2 shrink. Undamped oscillators of order 2 do not, and are not watched here.
     if length > QUICK:
         own.turns, own.turning, own.turning_before = 0.0, 0.0, 0.0
     own.turns += 1.0
@@ -93,10 +87,8 @@ def watch_turning(own, change, size, length, counts):
 
 @inner
 def watch_zigzag(own, increment, size, counts):
-    """Note in counts.zigzag the first step at which a lasting alternation did not shrink.
-
-    `size` is the solution's. The record `own` counts the steps of the alternation.
-    """
+    """Note in counts.zigzag the first step at which a lasting alternation did not shrink."""
+    # size: that of the solution; own counts the steps of the alternation
     if own.alternating % SHORT_WINDOW == 0.0:
         own.least, own.most = increment, increment
     own.alternating += 1.0
@@ -119,11 +111,9 @@ def watch_zigzag(own, increment, size, counts):
 
 @inner
 def watch_sweep(own, moved, next_moved, increment, counts):
-    """Note in counts.diverged the step at which corrector sweeps had diverged for some steps.
-
-    `moved` is the change of a component by the last sweep, and `next_moved` that by one more. If
-    sweeps diverge, decaying modes grow, with or without turns.
-    """
+    """Note in counts.diverged the step at which corrector sweeps had diverged for some steps."""
+    # moved: change of a component by the last sweep, next_moved that by one more. If sweeps
+    # diverge, decaying modes grow, with or without turns.
     large = abs(moved) > LARGE * abs(increment) and abs(moved) > SMALLEST_CHANGE
     own.diverging = own.diverging + 1.0 if large and abs(next_moved) > abs(moved) else 0.0
     if own.diverging == DIVERGING and counts.diverged < 0:

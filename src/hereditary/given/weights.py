@@ -21,10 +21,8 @@ SECOND_DIFFERENCES = WeightRule(lambda kernel, n: kernel.differences(n))
 
 @lru_cache(maxsize=8)
 def shifted_differences(theta: float) -> WeightRule:
-    """Return the rule whose weights are integrals of the kernel over [k-1+theta, k+theta].
-
-    It is for first derivatives at t_n + theta h. The interval of k = 0 is [0, theta].
-    """
+    """Return the rule whose weights are integrals of the kernel over [k-1+theta, k+theta]."""
+    # for first derivatives at t_n + theta h; the interval of k = 0 is [0, theta]
     return WeightRule(lambda kernel, n: kernel.seen(theta, n))
 
 
@@ -59,11 +57,9 @@ def by_rule(
 def value_weights(
     c: float, operator: Any, h: float, theta: float, derivative: int
 ) -> tuple[Any, ...] | None:
-    """Return the factor, rule and kernel of ``c int_0^t K``, the weights of a start value.
-
-    The start value is y(0) (`derivative` 0) or y'(0) (1). Return None unless the operator has a
-    general kernel K that acts on this derivative.
-    """
+    """Return the factor, rule and kernel of ``c int_0^t K``, the weights of a start value."""
+    # of y(0) (derivative 0) or y'(0) (1); None unless the operator has a general kernel K that acts
+    # on this derivative
     if operator.kernel is None or operator.derivative != derivative:
         return None
     return c, kernel_values(theta), StepKernel(Integrated(operator.kernel), h)
@@ -71,22 +67,18 @@ def value_weights(
 
 @lru_cache(maxsize=8)
 def parabola_weights(theta: float, closing: bool) -> WeightRule:
-    """Return the rule of first derivatives at t_n + theta h for piecewise parabolic solutions.
-
-    ``W_k = a_k + m_(k+1) - m_k`` with a_k of `shifted_differences` and the moments
-    ``m_k = int K(t) (middle - t) dt`` over [k-1+theta, k+theta]. The parabola on an interval uses
-    the value at the end of the next interval. With `closing` (theta = 1) the last interval has the
-    parabola of the interval before. This adds m_0 over [0, 1] to W_0 and subtracts it from W_1.
-    """
+    """Return the rule of first derivatives at t_n + theta h for piecewise parabolic solutions."""
+    # W_k = a_k + m_(k+1) - m_k, a_k of `shifted_differences`, m_k = int K(t) (middle - t) dt over
+    # [k-1+theta, k+theta]: parabolas use the value at the end of the next interval. With `closing`
+    # (theta = 1) the last interval has the parabola before: m_0 over [0, 1] is added to W_0,
+    # subtracted from W_1.
     return WeightRule(partial(_parabola, theta, closing))
 
 
 @lru_cache(maxsize=8)
 def parabola_start(theta: float) -> WeightRule:
-    """Return the rule ``-m_(k+1)``, which corrects the weight of the first increment.
-
-    This increment has no interval before it. For m see `parabola_weights`.
-    """
+    """Return the rule ``-m_(k+1)``, which corrects the weight of the first increment."""
+    # it has no interval before it; for m see `parabola_weights`
     return WeightRule(lambda kernel, n: -kernel.moments(theta, n + 1)[..., 1:])
 
 

@@ -121,10 +121,8 @@ class SumOfExponentials(History):
         return _Modes(tables, arrays, blocks, n - pad, covered, errors)
 
     def _covered(self, enough: int, kernels: tuple[Any, ...], n_steps: int) -> int:
-        """Return how many steps a bank covers: at least `enough`, or `n_steps` for fitted kernels.
-
-        Fitted kernels are those that are given as a function or a table.
-        """
+        """Return how many steps a bank covers: `enough`, or `n_steps` for fitted kernels."""
+        # fitted kernels are those that are given as a function or a table
         asked = max(n_steps, 1)
         if any(kernel.kernel.by_values for kernel in kernels):
             return asked
@@ -183,26 +181,18 @@ _kept = lru_cache(maxsize=64)(_tabulated)
 
 
 class _RowModes(OpenHistory):
-    """Memory of modes whose decay and weights are computed for each step.
-
-    Subclasses define the rates of the modes and their weights.
-    """
+    """Memory of modes whose decay and weights, which subclasses define, each step computes."""
 
     _exchange: ClassVar[Callable]
 
     @abstractmethod
     def _bank(self) -> tuple[np.ndarray, int]:
-        """Return the rates of the modes, and the number of modes to report.
-
-        The unit of 1 / rate is the shortest time lag.
-        """
+        """Return the rates, times the shortest time lag, and the number of modes to report."""
 
     @abstractmethod
     def _weighed(self, seen: np.ndarray, here: slice) -> dict:
-        """Return fields of `Tables` with the weights of modes in the steps `here`.
-
-        `here` is a slice of the rows of `past.rows`; `seen` are the decays from `RowSums.decays`.
-        """
+        """Return fields of `Tables` with the weights of modes in the steps `here`."""
+        # here: slice of the rows of `past.rows`; seen: decays from `RowSums.decays`
 
     def __init__(self, past: RowSums, n_columns: int, covered: Any, tol: float) -> None:
         self._past, self._covered, self._tol, self._rows = past, covered, tol, past.rows
@@ -298,10 +288,8 @@ class _ModesOfAllOrders(_RowModes):
         return np.maximum(np.append(grid, rates[-SLOW_NODES:]), SMALLEST), rates.size
 
     def _weighed(self, seen: np.ndarray, here: slice) -> dict[str, Any]:
-        """Return fields of `Tables`, with amplitudes of ``c p t**(p-1) / Gamma(p + 1)``.
-
-        The unit of t is the shortest time lag. See `_RowModes._weighed` for the arguments.
-        """
+        """Return fields of `Tables`, with amplitudes of ``c p t**(p-1) / Gamma(p + 1)``."""
+        # the unit of t is the shortest time lag
         shape = *self.tables.derivatives.shape, STARTS, self.tables.rows
         if not self.tables.amplitudes.size:
             self.tables = self.tables._replace(
@@ -323,10 +311,7 @@ class _ModesOfAllOrders(_RowModes):
 
 
 class _Modes(OpenHistory):
-    """Memory on uniform steps: modes of pieces, modes of start values, and a window of pieces.
-
-    Pieces drive their modes; modes of start values only decay. Weights in the window are exact.
-    """
+    """Modes of pieces and of start values on uniform steps, and a window of exact weights."""
 
     def __init__(
         self,
@@ -337,6 +322,7 @@ class _Modes(OpenHistory):
         covered: int,
         kernel_errors: KernelErrors,
     ) -> None:
+        # pieces drive their modes; modes of start values only decay
         super().__init__(exchange_modes, tables, arrays, *blocks)
         self.n_modes, self.kernel_errors = n_modes, kernel_errors
         self._covered = covered

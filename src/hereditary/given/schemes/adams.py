@@ -52,13 +52,10 @@ def start_weights(alpha: float, n: int) -> np.ndarray:
 
 @lru_cache(maxsize=4)
 def _power_steps(alpha: float, n: int) -> np.ndarray:
-    """Return the integrals that the weights consist of, over [k, k+1] for k = 2 .. n-1, (2, n - 2).
-
-    The integrand ``alpha (alpha+1) (t**(alpha-1) - (t-1)**(alpha-1))`` is multiplied by t - k in
-    the first row, and by k + 1 - t in the second. Its singularity lies k - 1 steps before the
-    interval. Gauss's rule has 16 points below k = 16, six below k = 256, and three beyond. Its
-    errors are 5.8**-32 at k = 2, 60**-12 at k = 16, and 1000**-6 at k = 256.
-    """
+    """Return integrals that make the weights, over [k, k+1] for k = 2 .. n-1, (2, n - 2)."""
+    # Of alpha (alpha+1) (t**(alpha-1) - (t-1)**(alpha-1)) times t - k in row 0, and k + 1 - t in
+    # row 1. Gauss's rule has 16 points below k = 16, six below k = 256, and three beyond. As the
+    # singularity is k - 1 steps off, errors are 5.8**-32 at k = 2, 60**-12 at 16, 1000**-6 at 256.
     found, first = [], 2
     for points, end in ((16, min(n, 16)), (6, min(n, 256)), (3, n)):
         v, q = gauss_unit(points)
@@ -71,21 +68,16 @@ def _power_steps(alpha: float, n: int) -> np.ndarray:
 
 
 def _exponent(alpha: float) -> float | None:
-    """Return a of the kernel ``t**-a`` whose sum of exponentials gives the weights.
-
-    The kernel is ``t**(alpha-1)`` for alpha < 1, and ``t**(alpha-2)`` for alpha > 1. At alpha = 1
-    there is no memory, and the result is None.
-    """
+    """Return a of the kernel ``t**-a`` whose sum of exponentials gives the weights."""
+    # t**(alpha-1) for alpha < 1, t**(alpha-2) for alpha > 1; None at 1, where there is no memory
     if alpha == 1:
         return None
     return 1 - alpha if alpha < 1 else 2 - alpha
 
 
 def _step_share(alpha: float, rates: np.ndarray) -> np.ndarray:
-    """Return the contributions of modes to ``t**(alpha-1) - (t-1)**(alpha-1)`` at t = 1.
-
-    They are for unit weights of modes, and include the factor ``alpha (alpha+1)``.
-    """
+    """Return the contributions of modes to ``t**(alpha-1) - (t-1)**(alpha-1)`` at t = 1."""
+    # for unit weights of modes, with the factor alpha (alpha+1)
     if alpha < 1:
         return alpha * (alpha + 1) * np.expm1(-rates)
     return alpha * (alpha + 1) * (alpha - 1) * mean_exponential(rates)
@@ -108,10 +100,8 @@ FIRST_VALUE = WeightRule(start_weights, _exponent, _modal_start)
 
 
 def _plan(system: System, h: float, corrections: int) -> Plan:
-    """Make the plan of the product trapezoidal rule with this number of corrector sweeps.
-
-    0 means an implicit step by Newton's method.
-    """
+    """Make the plan of the product trapezoidal rule with this number of corrector sweeps."""
+    # corrections 0: an implicit step by Newton's method
     weighed, start = (partial(_weighed, h=h, rule=rule) for rule in (HATS, FIRST_VALUE))
     return uniform_plan(
         system, h, 1.0, weighed, starts=[(start, 0.0)], integral=True, first_modal=3,

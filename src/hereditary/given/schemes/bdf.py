@@ -150,21 +150,16 @@ def _shifted_power_sum(p: int) -> np.ndarray:
 
 
 def exponent(alpha: float) -> float | None:
-    """Return a of the kernel ``t**-a`` behind the weights: alpha, or None for integer orders.
-
-    Integer orders have no memory beyond 2 p steps.
-    """
+    """Return a of the kernel ``t**-a`` behind the weights: alpha, or None for integer orders."""
+    # integer orders have no memory beyond 2 p steps
     return None if alpha in (1.0, 2.0) else alpha
 
 
 def _modal(p: int, alpha: float, rates: np.ndarray, weights: np.ndarray, k: int) -> np.ndarray:
-    """Return the contributions to W_k of modes, which are summands of the kernel t**-alpha.
-
-    ``W_k = sin(pi alpha)/pi int exp(-k s) |delta(e**s)|**alpha / (e**s - 1) ds`` is an integral of
-    the generating function along its cut. It extends over rates s below the first zero of
-    delta(e**s). Rates that have decayed below exp(-45) = 3e-20 at `_FIRST_MODAL` are left out. They
-    matter for earlier weights only, which are exact anyway.
-    """
+    """Return the contributions to W_k of modes, which are summands of the kernel t**-alpha."""
+    # W_k = sin(pi alpha)/pi int exp(-k s) |delta(e**s)|**alpha / (e**s - 1) ds along the cut of the
+    # generating function, over s below the first zero of delta(e**s). Rates that have decayed below
+    # exp(-45) = 3e-20 at _FIRST_MODAL matter for earlier weights only, which are exact.
     shares = np.zeros_like(rates)
     x = -np.expm1(np.minimum(rates, 50.0))  # 1 - e**s
     quotient = sum(x ** (j - 1) / j for j in range(1, p + 1))  # delta / (1 - e**s)
@@ -184,13 +179,11 @@ _N_LATE = 3
 
 
 def _formed_drift(system: System, h: float, p: int) -> Sequence[np.ndarray] | None:
-    """Return the error of the formula for t y'(0) in terms of order gamma below 1.
-
-    The increments leave out t y'(0), whose exact derivative is a multiple of ``t**(1-gamma)``. With
-    it alone the scheme would have order 2 - gamma, so this error is added to it. The results are
-    the first k values of the error (k, d), and amplitudes and powers of its expansion (r, d each).
-    Return None if p is 1 or if no component of order above 1 has such terms.
-    """
+    """Return the error of the formula for t y'(0) in terms of order gamma below 1."""
+    # Increments leave out t y'(0), whose exact derivative is a multiple of t**(1-gamma). With it
+    # alone the order would be 2 - gamma, so the error is added: its first k values (k, d), and
+    # amplitudes and powers of its expansion (r, d). None if p is 1 or no component of order above 1
+    # has such terms.
     above = system.above
     lower = [
         (operator.order, np.where(above, c, 0.0))
@@ -212,21 +205,12 @@ def _formed_drift(system: System, h: float, p: int) -> Sequence[np.ndarray] | No
 
 @lru_cache(maxsize=64)
 def drift_defect(p: int, gamma: float) -> tuple[np.ndarray, np.ndarray]:
-    """Return the formula's derivative of order gamma of t, less the exact one, for steps of 1.
-
-    The samples of t with start corrections are ``n + b_n``, b being `start_coefficients`. Their
-    generating function is ``delta**-2`` up to ``(1-z)**p``. From them the formula computes
-    ``q_n = sum_k W_k (1 + b_(n-k) - b_(n-k-1))``. The difference
-    ``q_n - n**(1-gamma) / Gamma(2-gamma)`` is expanded in powers from ``n**(1-gamma-p)`` on. The
-    coefficients follow from a series in s: the generating function of q_n at z = exp(-s).
-
-    Returns
-    -------
-    early : ndarray, shape (_N_EARLY,)
-        The difference at n = 1, 2, .. less its expansion.
-    late : ndarray, shape (_N_LATE,)
-        Coefficients of the expansion.
-    """
+    """Return the formula's derivative of order gamma of t, less the exact one, for steps of 1."""
+    # Samples of t with start corrections b, n + b_n, have the generating function delta**-2 up to
+    # (1-z)**p. The formula makes q_n = sum_k W_k (1 + b_(n-k) - b_(n-k-1)) of them. The difference
+    # q_n - n**(1-gamma) / Gamma(2-gamma) is expanded in powers from n**(1-gamma-p) on, by a series
+    # in s of the generating function of q_n at z = exp(-s). Returns the difference at n = 1, 2, ..
+    # less its expansion (_N_EARLY,), and coefficients of the expansion (_N_LATE,).
     n = np.arange(1, _N_EARLY + 1)
     b = start_coefficients(p, 1)[: p - 2] if p > 2 else np.zeros(0)
     weights = _exact(p, gamma, _N_EARLY)
@@ -272,12 +256,10 @@ def _real_power(a: np.ndarray, exponent: float) -> np.ndarray:
 
 
 def _start_corrections(system: System, h: float, p: int) -> np.ndarray:
-    """Return corrections of the right-hand side in the first p - 1 steps, shape (p-1, d).
-
-    The correction in step n is ``a_n phi(0) + sum_(l=1)^(p-2) b_(l,n) h**l phi^(l)(0)``. Here
-    phi(t) = f(t, x(0) + t x'(0)), less terms of order 1 applied to t x'(0). Its derivatives come
-    from finite differences over p values. Memory that f reads has its value at 0 in phi.
-    """
+    """Return corrections of the right-hand side in the first p - 1 steps, shape (p-1, d)."""
+    # a_n phi(0) + sum_(l=1)^(p-2) b_(l,n) h**l phi^(l)(0) in step n, phi(t) = f(t, x(0) + t x'(0))
+    # less terms of order 1 applied to t x'(0). Derivatives are from differences over p values.
+    # Memory that f reads has its value at 0 in phi.
     if p == 1:
         return np.zeros((0, system.d))
     values = np.empty((p, system.d))
@@ -297,12 +279,10 @@ def _start_corrections(system: System, h: float, p: int) -> np.ndarray:
 
 @lru_cache(maxsize=32)
 def start_coefficients(p: int, order: int) -> np.ndarray:
-    """Return the coefficients b_(l,n) of start corrections, n = 1 .. p-1, for l = `order`.
-
-    For l = 0 they are the a_n. The condition is ``delta(z)**(l+1) (sum_n n**l z**n / l! + sum_n b_n
-    z**n) = 1 + O((1-z)**p)``. Then the formula integrates t**l / l! with its full order. In
-    x = 1 - z both sides are polynomials.
-    """
+    """Return the coefficients b_(l,n) of start corrections, n = 1 .. p-1, for l = `order`."""
+    # For l = 0 they are the a_n. delta(z)**(l+1) (sum_n n**l z**n / l! + sum_n b_n z**n) = 1 +
+    # O((1-z)**p), so t**l / l! is integrated with full order. Both sides are polynomials in x = 1 -
+    # z.
     x = np.polynomial.Polynomial([0.0, 1.0])
     z = 1 - x
     quotient = sum((x ** (k - 1) / k for k in range(1, p + 1)), 0 * x)  # delta / x

@@ -163,20 +163,16 @@ class GrunwaldLetnikov(Scheme):
 
 
 def _modal(alpha: float, rates: np.ndarray, weights: np.ndarray, k: int) -> np.ndarray:
-    """Return the contributions to W_k of modes, which are summands of the kernel t**-alpha.
-
-    ``W_k = sin(pi alpha)/pi int exp(-k s) (exp(s) - 1)**(alpha-1) ds``
-    """
+    """Return contributions of modes of t**-alpha to W_k."""
+    # W_k = sin(pi alpha)/pi int exp(-k s) (exp(s) - 1)**(alpha-1) ds
     shares = weights * rgamma(1 - alpha) * mean_exponential(rates) ** (alpha - 1)
     return shares * np.exp(-rates * (k + 1 - alpha))
 
 
 def _speed(alpha: float, n: int) -> np.ndarray:
-    """Return weights of h x'(0): -S_k above order 1, otherwise 0; W_0 = 1 is added for k = 0.
-
-    Explicit steps are solved for the change of the increment, and h x'(0) is the increment before
-    the first step. The added W_0 cancels this increment.
-    """
+    """Return weights of h x'(0): -S_k above order 1, otherwise 0; W_0 = 1 is added for k = 0."""
+    # explicit steps are solved for the change of the increment, and h x'(0) is the increment before
+    # the first step, which the added W_0 cancels
     sums = -_EULER_WEIGHTS.exact(alpha - 1, n) if alpha > 1 else np.zeros(n)
     sums[:1] += 1.0
     return sums

@@ -120,10 +120,8 @@ class L1(Scheme):
 
 
 def _speed_weights(c: float, operator: Any, h: float) -> tuple[Any, ...] | None:
-    """Return weights of h y'(0) in terms with y'', or None for terms with y or y'.
-
-    y'(0) is the first velocity in the differences of velocities.
-    """
+    """Return weights of h y'(0) in terms with y'', or None for terms with y or y'."""
+    # y'(0) is the first velocity in the differences of velocities
     return by_rule(-c, operator, h, FIRST_DIFFERENCES) if operator.derivative == 2 else None
 
 

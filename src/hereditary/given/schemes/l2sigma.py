@@ -109,10 +109,8 @@ def _terms(system: System) -> list[tuple[float, float]]:
 
 
 def _sigma(terms: list[tuple[float, float]], h: float) -> float:
-    """Return sigma for (coefficient, order) of each term and steps h, by bisection.
-
-    The equation for sigma is in the docstring of `L2Sigma`.
-    """
+    """Return sigma for (coefficient, order) of each term and steps h, by bisection."""
+    # the equation for sigma is in the docstring of `L2Sigma`
     if len(terms) == 1:
         return 1 - terms[0][1] / 2
     c, alpha = np.array(terms).T

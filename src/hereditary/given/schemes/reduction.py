@@ -14,10 +14,8 @@ from ...equation.terms import ConstantOrder, SystemTerm
 
 
 def reduce_order(system: System, coefficient: float, beta: float) -> System:
-    """Return the system of (x, w), 2 d components, for a system whose only term is c D^beta.
-
-    d is the number of components of the given system, and `coefficient` is c.
-    """
+    """Return the system of (x, w), 2 d components, for d components whose only term is c D^beta."""
+    # coefficient: c
     d = system.d
     y0 = np.hstack([system.y0, np.zeros((2, d))])
     structure = system.structure and system.structure.with_velocities()
