@@ -129,27 +129,7 @@ def _rests(values: np.ndarray) -> bool:
 
 
 class AdaptiveStepper(ResumableStepper, TangentStepper, JumpingStepper):
-    """March of one equation by collocation; it chooses its steps to keep the tolerance.
-
-    Parameters
-    ----------
-    system : System
-    scheme : Collocation
-    t_end : float
-        End of the run; the modes are accurate to ten times that, or to the scheme's horizon.
-    tolerance : Tolerance
-    directions : ndarray, shape (n_data, k), optional
-        Directions of initial data. Each has a tangent, whose error limits the steps as well.
-
-    Attributes
-    ----------
-    t : float
-        Time that the march has reached.
-    n_steps : int
-        Number of accepted steps since t = 0.
-    found : list of float
-        Times at which the right-hand side jumps and nobody said so.
-    """
+    """March of one equation by collocation; it chooses its steps to keep the tolerance."""
 
     on_given_steps = False
     t = 0.0
@@ -164,6 +144,9 @@ class AdaptiveStepper(ResumableStepper, TangentStepper, JumpingStepper):
         tolerance: Tolerance,
         directions: np.ndarray | None = None,
     ) -> None:
+        # t_end: modes are accurate to ten times that, or to the scheme's horizon. directions
+        # (n_data, k) of initial data: each has a tangent, whose error limits the steps as well.
+        # found: times at which the right-hand side jumps and nobody said so.
         scheme.check_terms(system)
         self.system, self._scheme, self._breaks = system, scheme, np.zeros(0)
         self.found: list[float] = []
@@ -282,10 +265,8 @@ class AdaptiveStepper(ResumableStepper, TangentStepper, JumpingStepper):
         return PolynomialPieces(*piece)
 
     def _note_jump(self, status: int) -> int:
-        """Let the march restart at a jump of f that it has found; return the status to go on with.
-
-        A jump by y is just ahead: the march restarts beyond it.
-        """
+        """Let the march restart at a jump of f that it found; return the status to go on with."""
+        # a jump by y is just ahead: the march restarts beyond it
         t = float(self._control["jump"])
         if status == CROSSED and self._form.solves_slopes:
             return JUMPING
@@ -369,10 +350,8 @@ class AdaptiveStepper(ResumableStepper, TangentStepper, JumpingStepper):
         arrays: OrbitArrays,
         solver: StageSolver | None,
     ) -> int:
-        """March a system by any rule in compiled code, filling `steps`; return the status code.
-
-        `solver` is None if the march takes one that has no factors yet.
-        """
+        """March a system by any rule in compiled code, filling `steps`; return the status code."""
+        # solver None: one that has no factors yet is taken
         orbit = self._orbit
         equations, offsets = orbit.equations(marched, *self._of_run)
         varying = self._orders.compiled(orbit.of_varying)
@@ -408,10 +387,8 @@ class AdaptiveStepper(ResumableStepper, TangentStepper, JumpingStepper):
             self._orbit.shift(self._view.widened(found - x))
 
     def _singular_step(self, t_stop: float) -> FirstPiece | None:
-        """Make the first step after a singular start; return its dense output.
-
-        If all trial lengths fail, return None and store the reason in `_ending`.
-        """
+        """Make the first step after a singular start; return its dense output, None if all fail."""
+        # `_ending` then has the reason
         orbit, form, t, left = self._orbit, self._form, self.t, t_stop - self.t
         self._set_origin(t)
         of_run, jacobian, units = self._at_start(t_stop)
@@ -443,10 +420,7 @@ class AdaptiveStepper(ResumableStepper, TangentStepper, JumpingStepper):
         return None
 
     def _at_start(self, t_stop: float) -> tuple[Limits, Any, np.ndarray]:
-        """Return the `Limits` of a first step, the Jacobian of f there, and units, (d,).
-
-        The units are sizes of the components, for the increments of difference quotients of f.
-        """
+        """Return `Limits` of a first step, the Jacobian of f there, and units of differences."""
         system, orbit, structure = self._marched, self._orbit, self._marched.structure
         equations, _ = orbit.equations(system, *self._of_run)
         limits, units, t = self._limits(t_stop), np.empty(system.d), self.t
@@ -470,11 +444,8 @@ class AdaptiveStepper(ResumableStepper, TangentStepper, JumpingStepper):
     def _try_step(
         self, h: float, variable: Variable, limits: Limits, at_edge: bool
     ) -> tuple[Steps, np.ndarray | None]:
-        """Try a first step of length h, with polynomials in the variable u of `variable`.
-
-        The compiled march tries the step. The history at the nodes is given to it in place of
-        modes.
-        """
+        """Try a first step of length h, with polynomials in the variable u of `variable`."""
+        # the compiled march tries it, with the history at the nodes in place of modes
         orbit, form, n = self._orbit, self._form, variable.n
         rule = first_rule(variable, form.powers)
         history = orbit.history(math.log(h) + node_logs(variable))
@@ -532,10 +503,8 @@ class AdaptiveStepper(ResumableStepper, TangentStepper, JumpingStepper):
         self._at_singular_start = False
 
     def _begin_steps(self, h: float, shortest: float, begins: bool = False) -> None:
-        """Set the length h of the next step, and whether components begin in it.
-
-        Steps below the length `shortest` need more modes.
-        """
+        """Set the length h of the next step, and whether components begin in it."""
+        # steps below the length shortest need more modes
         control = self._control
         control["next"], control["last"], control["rejected"] = h, 0.0, 0.0
         control["shortest"], control["begins"] = shortest, float(begins)
@@ -603,10 +572,8 @@ class AdaptiveStepper(ResumableStepper, TangentStepper, JumpingStepper):
         self._orbit.transform(matrix)
 
     def advance(self, stop: float, keep: bool = True) -> Piece | None:
-        """March towards time `stop` by a limited number of steps; return dense output or None.
-
-        If the march cannot go on, or the right-hand side raised, `failure` has the reason.
-        """
+        """March towards time `stop` by a limited number of steps; return dense output or None."""
+        # if the march cannot go on, or the right-hand side raised, `failure` has the reason
         ahead = self._breaks[self._breaks > self.t]
         t_stop = min(stop, ahead[0]) if ahead.size else stop
         try:
@@ -660,10 +627,8 @@ class AdaptiveStepper(ResumableStepper, TangentStepper, JumpingStepper):
 
     @property
     def _rounding_of_rows(self) -> float:
-        """Change of algebraic rows within the rounding of a kink next to the present time, or 0.
-
-        It is a fraction of their change over as long a time as that to the kink.
-        """
+        """Change of algebraic rows within the rounding of a kink next to the present time, or 0."""
+        # as a fraction of their change over as long a time as that to the kink
         kink = self._control["origin"]
         if not (kink > 0 and self._form.algebraic.any() and self.t - kink < _NEXT_TO_KINK * kink):
             return 0.0
@@ -679,11 +644,9 @@ class AdaptiveStepper(ResumableStepper, TangentStepper, JumpingStepper):
 
     @property
     def diagnostics(self) -> Diagnostics:
-        """Misfit of the kernels to the tolerance.
-
-        The tolerance of memory that f reads is that of a step, because its errors add up. In
-        renewal equations over 8 to 30 generations y errs by up to 11 errors of the kernel.
-        """
+        """Misfit of the kernels to the tolerance."""
+        # memory that f reads has the tolerance of a step, because its errors add up: in renewal
+        # equations over 8 to 30 generations y errs by up to 11 errors of the kernel
         allowed = self.allowed.of_step if is_read(self.system) else self.allowed.of_run
         misfit = self._orbit.kernels.errors.misfit(allowed.rtol)
         return Diagnostics(misfit=misfit)

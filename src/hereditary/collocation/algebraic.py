@@ -33,10 +33,8 @@ _NEGLIGIBLE_COEFFICIENT_RATIO = 1e-15
 
 
 def _unknowns(system: System) -> tuple[np.ndarray, np.ndarray]:
-    """Return the numbers of the algebraic rows and of their unknowns, (k,) each.
-
-    The number of an unknown is its index among the arguments of f: y, then memory.
-    """
+    """Return the numbers of the algebraic rows and of their unknowns, (k,) each."""
+    # an unknown's number is its index among the arguments of f: y, then memory
     rows = np.flatnonzero(system.algebraic)
     columns, highest = rows.copy(), np.zeros(rows.size)
     for operator, coefficients in system.left:
@@ -65,10 +63,8 @@ def _residual(
 def _solve(
     system: System, t: float, x: np.ndarray, rows: np.ndarray, columns: np.ndarray
 ) -> np.ndarray | None:
-    """Return the arguments of f, x (d,), with unknowns that solve the rows by Newton's method.
-
-    `columns` are the indices of the unknowns in x. Returns None if the method does not converge.
-    """
+    """Return arguments of f, x (d,), that solve the rows by Newton's method, or None."""
+    # columns: indices of the unknowns in x
     x = x.copy()
     for _ in range(_CONSISTENCY_MAXITER):
         with np.errstate(all="ignore"):
@@ -91,10 +87,8 @@ def _regular(matrix: np.ndarray) -> bool:
 def check_start(
     system: System, t_end: float, rtol: float, atol: float | tuple[float, ...] | None
 ) -> None:
-    """Refuse algebraic rows that do not determine their unknowns, or that y(0) contradicts.
-
-    Warn if initial values contradict a row whose coefficients are next to 0 in a run to t_end.
-    """
+    """Refuse algebraic rows that do not determine their unknowns, or that y(0) contradicts."""
+    # warns if initial values contradict a row whose coefficients are next to 0 in a run to t_end
     if system.d > 1:
         _name_tiny(system, t_end, rtol)
     if not system.has_algebraic:
@@ -175,21 +169,15 @@ def _check_index(
 
 
 def settled(system: System, t: float, x: np.ndarray) -> np.ndarray:
-    """Return the arguments of f, x (d,), with consistent unknowns of the algebraic rows.
-
-    If Newton's method does not converge, x is returned as it is. The next step then solves for the
-    unknowns.
-    """
+    """Return the arguments of f, x (d,), with consistent unknowns of the algebraic rows."""
+    # x itself if Newton's method does not converge: the next step then solves for the unknowns
     found = _solve(system, t, x, *_unknowns(system))
     return x if found is None else found
 
 
 def became_singular(system: System, t: float, x: np.ndarray) -> bool:
-    """Return whether the rows hardly determine their unknowns at x (d,), as they do at the start.
-
-    The columns of the Jacobian are multiplied by the largest components at both times, and its rows
-    divided by their largest entries.
-    """
+    """Return whether the rows hardly determine unknowns at x (d,), compared with the start."""
+    # columns of the Jacobian are times the largest components at both times, rows have entries 1
     rows, columns = _unknowns(system)
     if rows.size == 0:
         return False
@@ -205,11 +193,9 @@ def became_singular(system: System, t: float, x: np.ndarray) -> bool:
 
 
 def settle_tangents(system: System, values: np.ndarray) -> None:
-    """Change initial tangents so that they satisfy the linearised algebraic rows.
-
-    `values` (1 + k, m, d) are the initial values of the orbit and of k tangents, changed in place.
-    Nothing is changed if f reads memory, because unknowns may then be derivatives.
-    """
+    """Change initial tangents so that they satisfy the linearised algebraic rows."""
+    # values (1 + k, m, d) of the orbit and k tangents, changed in place; not if f reads memory,
+    # because unknowns may then be derivatives
     if len(values) == 1 or system.reads or not system.has_algebraic:
         return
     bare = np.flatnonzero(system.algebraic)
@@ -224,10 +210,8 @@ def settle_tangents(system: System, values: np.ndarray) -> None:
 
 
 def derivatives_at_start(system: System) -> dict[int, float]:
-    """Return the derivatives that algebraic rows determine at the start: {component: value}.
-
-    They are the unknowns of rows whose f reads derivatives of the row's component.
-    """
+    """Return the derivatives that algebraic rows determine at the start: {component: value}."""
+    # they are the unknowns of rows whose f reads derivatives of the row's component
     rows, columns = _unknowns(system)
     found = _solve(system, system.beside(0.0, 1), system.at_start, rows, columns)
     if found is None:

@@ -52,11 +52,9 @@ _JUMP_CHANGE_RATIO = 0.5
 def begins_at_edge(
     system: System, t: float, y: np.ndarray, units: np.ndarray, jacobian: Any
 ) -> bool:
-    """Return whether f is small at y, and its slope by a component that is 0 is infinite.
-
-    f is small if it is less than its changes over increments of y (d,). `units` (d,) are the sizes
-    of components, and `jacobian` (d, d) is that of f at (t, y), which may be infinite.
-    """
+    """Return whether f is small at y, and its slope by a component that is 0 is infinite."""
+    # f is small if it is less than its changes over increments of y (d,). units (d,): sizes of
+    # components; jacobian (d, d): that of f at (t, y), which may be infinite.
     f_at_point, (far, near) = np.abs(system.rhs(t, y)), _INCREMENTS
     if (f_at_point > far * np.abs(jacobian) @ units).all():
         return False
@@ -79,10 +77,8 @@ def begins_at_edge(
 
 @inner(allocates=True)
 def solve_at_edge(m, h):
-    """Solve a first step of length h for p and y at the nodes; return if the method converged.
-
-    It has the results of `solve_stages`, with f at the last y.
-    """
+    """Solve a first step of length h for p and y at the nodes; return if the method converged."""
+    # as `solve_stages`, with f at the last y
     workspace, x_start, values = m.workspace, m.orbit.x[0], m.workspace.values[0]
     f, p, x = values[FORCE], values[PRIMARY], values[POSITION]
     d, s = p.shape
@@ -120,11 +116,9 @@ def solve_at_edge(m, h):
 
 @inner
 def begin_above(m, x):
-    """Move y = x (d, s) from an edge at 0 to where f carries it less far in the step.
-
-    Where f grows like sqrt(y), the solution lies between. From there Newton's method converges.
-    From the edge it would go back. If f leads down, y is below 0.
-    """
+    """Move y = x (d, s) from an edge at 0 to where f carries it less far in the step."""
+    # Where f grows like sqrt(y), the solution lies between. From there Newton's method converges;
+    # from the edge it would go back. If f leads down, y is below 0.
     point, f, sums = m.workspace.point, m.workspace.f_at_point, m.operators.sums
     d, s = x.shape
     for c in range(d):
@@ -145,11 +139,9 @@ def begin_above(m, x):
 
 @inner
 def slopes_at_node(m, i, x, f, out):
-    """Set `out` (d, d) to the Jacobian of f at node i, by differences away from the edge.
-
-    x, f (d, s) are y and f at the nodes. If f is not finite on that side of y(0), the differences
-    go to the other side.
-    """
+    """Set `out` (d, d) to the Jacobian of f at node i, by differences away from the edge."""
+    # x, f (d, s) are y and f at the nodes; where f is not finite on that side of y(0), the other
+    # side is taken
     workspace, x_start = m.workspace, m.orbit.x[0]
     point, f_at_point, t = workspace.point, workspace.f_at_point, workspace.times[i]
     for c in range(point.shape[0]):
@@ -174,11 +166,9 @@ def slopes_at_node(m, i, x, f, out):
 
 @inner
 def reflect(x_start, x):
-    """Move y = x (d, s) at each node to the side of y(0) where it is at the last node.
-
-    At the first nodes rounding decides the side, since powers of t are smallest there. An f like
-    sqrt(max(y, 0)) is finite on the wrong side, but has no slope there.
-    """
+    """Move y = x (d, s) at each node to the side of y(0) where it is at the last node."""
+    # At the first nodes rounding decides the side, since powers of t are smallest there. An f like
+    # sqrt(max(y, 0)) is finite on the wrong side, but has no slope there.
     for c in range(x.shape[0]):
         beyond = x[c, -1] < x_start[c]
         for i in range(x.shape[1]):
@@ -188,11 +178,9 @@ def reflect(x_start, x):
 
 @inner
 def take_limited_change(m, h, p, x, f):
-    """Subtract Newton's change, `m.workspace.change`, from y = x (d, s); return if it is small.
-
-    The distance of y from y(0) keeps its sign, and decreases to a thousandth at most. The arrays p
-    and f (d, s) have the values before the change.
-    """
+    """Subtract Newton's `m.workspace.change` from y = x (d, s); return if it is small."""
+    # The distance of y from y(0) keeps its sign, and decreases to a thousandth at most. p and f (d,
+    # s) are those before the change.
     above_one, integral = m.equations.above_one, m.rule.integrals[m.equations.orders.shape[0] - 1]
     x_start, change, (d, s), small = m.orbit.x[0], m.workspace.change, p.shape, True
     for c in range(d):

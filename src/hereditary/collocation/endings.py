@@ -68,12 +68,10 @@ def ending(
     peak: np.ndarray,
     is_noise: np.ndarray,
 ) -> Ending:
-    """Return the reason why a march with this status code cannot go on from time t.
-
-    `last` (3 or 4, d, s) are f, p and y at the nodes of the last step, of length h. The next step
-    was rejected down to the length `rejected`. `peak` (2, d) are the largest |p| and |y| before the
-    last step. Components that are rounding of others, `is_noise` (d,), do not count.
-    """
+    """Return the reason why a march with this status code cannot go on from time t."""
+    # last (3 or 4, d, s): f, p and y at the nodes of the last step, of length h. rejected: length
+    # down to which the next one was rejected. peak (2, d): largest |p| and |y| before. is_noise
+    # (d,): components that are rounding of others, which do not count.
     before, now = (np.abs(last[PRIMARY : POSITION + 1, :, i]) for i in (0, -1))
     if now.max() >= LARGEST:
         return _BLOWN_UP
@@ -98,11 +96,8 @@ def ending(
 
 
 def _forces_ahead(system: System, t: float, h: float, y: np.ndarray) -> np.ndarray:
-    """Return f at predictions of y beyond the last step, (n, d); y (d, s) are its values there.
-
-    The predictions are extrapolated linearly from the first and the last node of the step, of
-    length h.
-    """
+    """Return f at predictions of y beyond the last step, (n, d); y (d, s) are its values there."""
+    # linear ones from the first and the last node of the step, of length h
     ahead = [(t + abs(a) * h, y[:, -1] + a * (y[:, -1] - y[:, 0])) for a in _DISTANCES_AHEAD]
     return np.array([system.rhs(*point) for point in ahead])
 

@@ -44,23 +44,20 @@ _MOST_IN_SUM = 4
 
 @dataclass(frozen=True, eq=False)
 class Form:
-    """Integral equations of a system.
+    """Integral equations of a system."""
 
-    Row c < d is p of component c, and row d + c has the terms subtracted from its right-hand side.
-    """
+    # Row c < d is p of component c, row d + c the terms subtracted from its right-hand side. If p
+    # follows from their balance, `implicit`, or there are no terms, `ALGEBRAIC`, row c is empty.
 
-    terms: np.ndarray  # (n,), records `TERM`; the index is -1 if the term is the integrand itself
-    offset_of: np.ndarray  # int64 (n,), constant that the integrand loses: 0 none, 1 p(0), 2 y(0)
-    orders: np.ndarray  # (n_a,), orders of integration in (0, 1], ascending; the last one is 1
-    above_one: np.ndarray  # int64 (d,), 1 if the primary unknown p is y', 0 if it is y
-    generators: tuple[float, ...]  # their sums are the exponents of t in f, p and y near t = 0
-    # int64 (d,), 1 if p follows from the balance of right-hand side and terms, 2 (`ALGEBRAIC`) if
-    # the component has no terms, else 0; row c is empty in the first two cases
-    implicit: np.ndarray
-    kernels: tuple = ()  # general kernels; their indices follow those of the orders
-    varying: tuple = ()  # varying orders; their indices follow those of the kernels
-    # integrand and component of each Riemann-Liouville term with a varying order
-    from_zero: tuple[tuple[int, int], ...] = ()
+    terms: np.ndarray  # `TERM` (n,); the index -1 is the integrand itself
+    offset_of: np.ndarray  # constant subtracted from it, (n,): 0 none, 1 p(0), 2 y(0)
+    orders: np.ndarray  # of integration in (0, 1], ascending to 1, (n_a,)
+    above_one: np.ndarray  # 1 if the primary unknown p is y', 0 if it is y, (d,)
+    generators: tuple[float, ...]  # sums of these are exponents of t in f, p, y near 0
+    implicit: np.ndarray  # 1 by balance, 2 (`ALGEBRAIC`) without terms, else 0, (d,)
+    kernels: tuple = ()  # general ones, whose indices follow those of the orders
+    varying: tuple = ()  # orders, whose indices follow those of the kernels
+    from_zero: tuple[tuple[int, int], ...] = ()  # Riemann-Liouville: integrand, component
 
     @cached_property
     def listed(self) -> list[tuple[int, int, int, float]]:
@@ -69,10 +66,8 @@ class Form:
 
     @cached_property
     def groups(self) -> list[Group]:
-        """The convolution terms in groups; terms of one group differ by their rows alone.
-
-        Each row occurs at most once in a group.
-        """
+        """The convolution terms in groups; terms of one group differ by their rows alone."""
+        # each row occurs at most once in a group
         found: dict[tuple, list] = {}
         repeats: Counter = Counter()
         for number, term in enumerate(self.listed):
@@ -83,11 +78,8 @@ class Form:
 
     @cached_property
     def n_rows(self) -> int:
-        """Number of rows, sums of convolution terms: d, or 2 d for d components.
-
-        It is 2 d if terms are subtracted from the right-hand side of any component, or if any
-        component has no terms.
-        """
+        """Number of rows, sums of convolution terms: d, or 2 d for d components."""
+        # 2 d if terms are subtracted from any component's right-hand side, or if one has no terms
         d = self.above_one.size
         subtracted = bool((self.terms["row"] >= d).any()) or bool(self.algebraic.any())
         return 2 * d if subtracted else d
@@ -127,10 +119,7 @@ class Form:
 
     @cached_property
     def unweighted(self) -> np.ndarray:
-        """Numbers of the integrands of terms with varying orders, ascending.
-
-        Their modes are stored without weights.
-        """
+        """Integrands of varying orders, ascending, whose modes are stored without weights."""
         first = self.orders.size + len(self.kernels)
         if not self.varying:
             return np.zeros(0, dtype=np.int64)
@@ -163,18 +152,13 @@ class Form:
         return min(1.0, *found)
 
     def graded_first_step(self, t: float, left: float, atol: float, least: float = 0.0) -> float:
-        """Return the length of a first step from t over which p hardly changes.
-
-        A change of p like ``((time - t) / left)**e`` is then at most `atol`, with e as in
-        `start_exponent`. `left` is the time to the next stop, and `least` the shortest length.
-        """
+        """Return the length of a first step from t over which p hardly changes."""
+        # A change of p like ((time - t) / left)**e is then at most atol, e as in `start_exponent`.
+        # left: time to the next stop; least: shortest length.
         return max(least, left * min(1e-2, atol ** (1 / self.start_exponent(t))))
 
     def _start_power(self, k: int, integrand: int, t: float) -> float:
-        """Return the exponent of time with which one term alone changes p after t.
-
-        k is the index of the term's order or kernel.
-        """
+        """Return the exponent of time with which the term of order or kernel k alone changes p."""
         n_a, n_k = self.orders.size, len(self.kernels)
         if k < n_a:
             return self.orders[k] if integrand == FORCE else 1 - self.orders[k]
@@ -227,10 +211,8 @@ def integral_form(system: System) -> Form:
 
 @lru_cache(maxsize=256)
 def _kept_form(left: tuple[tuple[Operator, tuple[float, ...]], ...], m: int) -> Form:
-    """Return the integral equations of few components with constant orders, cached between runs.
-
-    `left` has pairs of an operator and its coefficients; m is the largest derivative in a term.
-    """
+    """Return the integral equations of few components with constant orders, cached between runs."""
+    # left: operators with coefficients; m: largest derivative in a term
     terms = [SystemTerm(operator, np.array(coefficients)) for operator, coefficients in left]
     y0 = np.zeros((m, terms[0].coefficients.size))
     return _form_of(System(terms, y0))
@@ -287,10 +269,8 @@ def _form_of(system: System) -> Form:
 
 
 def _from_zero(rows: list[_Row], d: int) -> tuple[tuple[int, int], ...]:
-    """Return integrand and component of each Riemann-Liouville term with a varying order.
-
-    Refuse a component that mixes them with Caputo terms of varying order.
-    """
+    """Return integrand and component of each Riemann-Liouville term with a varying order."""
+    # refuses a component that mixes them with Caputo terms of varying order
     found: dict[tuple[int, int], list] = {}
     for row in rows:
         if row.operator is not None and row.operator.varies:
@@ -321,10 +301,8 @@ def _place(row: _Row, places: list[Any]) -> int:
 def _integral_rows(
     system: System, c: int, highest: float, above_one: bool, leading: float
 ) -> list[_Row]:
-    """Return the convolution terms of component c if its highest derivative can be integrated.
-
-    `highest` is its order, and `leading` its coefficient. `above_one` is 1 if p is y'.
-    """
+    """Return the terms of component c if its highest derivative can be integrated."""
+    # highest: its order; leading: its coefficient; above_one: 1 if p is y'
     rows = [_Row(c, FORCE, 1 / leading, float(highest - above_one))]
     for operator, coefficients in system.left:
         factor = -coefficients[c] / leading
@@ -350,10 +328,7 @@ def _integral_rows(
 
 
 def _derivative_rows(system: System, c: int, above_one: bool) -> list[_Row]:
-    """Return the convolution terms of an implicit row c; `above_one` is 1 if p = y'.
-
-    All of them are subtracted from the right-hand side.
-    """
+    """Return the terms of an implicit row c, subtracted from f; `above_one` is 1 if p = y'."""
     present: list[tuple[Any, float]] = [(op, own[c]) for op, own in system.left if own[c] != 0]
     rows = []
     for operator, coefficient in present:
@@ -369,20 +344,15 @@ def _derivative_rows(system: System, c: int, above_one: bool) -> list[_Row]:
 def _subtracted_row(
     operator: Operator, coefficient: float, c: int, d: int, above_one: bool
 ) -> _Row:
-    """Return the convolution term of an operator that is subtracted from f of component c.
-
-    d is the number of components; `above_one` is 1 if p of component c is y'.
-    """
+    """Return the term that is subtracted from f of component c of d; `above_one` is 1 if p = y'."""
     integrand = (POSITION, PRIMARY, SLOPE)[operator.derivative - above_one + 1]
     return _Row(d + c, integrand, coefficient, operator=operator)
 
 
 def _generators(increments: tuple[float, ...]) -> tuple[float, ...]:
-    """Return the generators, numbers whose sums are the exponents of t in the solution near 0.
-
-    They are 1 and the `increments`, the amounts by which integrals raise exponents. An increment is
-    left out if it is a sum of up to `_MOST_IN_SUM` smaller ones.
-    """
+    """Return the generators, numbers whose sums are the exponents of t in the solution near 0."""
+    # 1 and the increments, by which integrals raise exponents, but for sums of up to _MOST_IN_SUM
+    # smaller ones
     kept: list[float] = []
     for g in sorted({*increments, 1.0}):
         sums = {0.0}

@@ -67,13 +67,11 @@ _ROUNDING_OF_STEP = 1e-13
 
 @inner
 def estimate_error(m, h, local, values, p0, errors):
-    """Set `errors` (d,) to estimates of the error of p over a step of length h.
-
-    The first omitted Legendre coefficient of each integrand is extrapolated and integrated. The
-    equations damp the resulting residual if they are stiff; they never amplify it. Coefficients of
-    f within its rounding error are ignored, because no shorter step makes them smaller. The
-    estimate is at least the interpolation error of p in dense output.
-    """
+    """Set `errors` (d,) to estimates of the error of p over a step of length h."""
+    # The first omitted Legendre coefficient of each integrand is extrapolated and integrated. Stiff
+    # equations damp the resulting residual; none amplifies it. Coefficients of f within its
+    # rounding are ignored, because no shorter step makes them smaller. At least the interpolation
+    # error of p in dense output.
     # local (n_k, s, s): convolutions over the step; matrices (K, 3, s, s); values (n_q, d, s): the
     # integrands; p0 (d,): p(0)
     equations, legendre = m.equations, m.rule.legendre
@@ -119,12 +117,10 @@ def estimate_error(m, h, local, values, p0, errors):
 
 @inner
 def solve_for_error(m):
-    """Solve for the error of p that a residual at all nodes causes, `m.workspace.change` (d s,).
-
-    The residual is `m.workspace.residual` (d s,). In units of Newton's tolerance, the largest error
-    is at most the largest residual, because a nearly singular matrix would amplify rounding errors.
-    There is no limit if an algebraic row has a residual, which has the unit of f and not of p.
-    """
+    """Solve for the error of p, `m.workspace.change`, by `m.workspace.residual`, both (d s,)."""
+    # In units of Newton's tolerance it is at most the largest residual: a nearly singular matrix
+    # would amplify rounding. No limit if an algebraic row has a residual, which has the unit of f
+    # and not of p.
     solve_for_orbit(m)
     defect, nodal_errors = m.workspace.residual, m.workspace.change
     newton_tol, of_defect, of_error = m.workspace.newton_tol, 0.0, 0.0
@@ -142,13 +138,10 @@ def solve_for_error(m):
 
 @inner
 def measure_force_defect(m, h):
-    """Set `m.workspace.defect` (d,) to the largest error of the polynomial of f off the nodes.
-
-    Only off the nodes one sees that f jumps, or that it acts between the nodes. The argument y of f
-    is the polynomial of the solution through the same nodes, so a linear f has no defect. The first
-    check point is the start of the step. If the polynomial misses y there by far more than the
-    tolerance, f at the true y enters the defect too.
-    """
+    """Set `m.workspace.defect` (d,) to the largest error of the polynomial of f off the nodes."""
+    # Only off the nodes one sees that f jumps, or acts between them. Its argument y is the
+    # polynomial through the same nodes, so a linear f has no defect. If the polynomial misses y at
+    # the start, the first check point, by far more than the tolerance, f at the true y counts too.
     # x_start (d,): y at the start of the step; p0 (d,): p(0)
     x_start, p0 = m.orbit.x[0], m.orbit.initial[0]
     point, sizes = m.workspace.point, m.workspace.sizes
@@ -181,10 +174,7 @@ def set_point(m, h, i):
 
 @inner
 def update_force_defect(m, i, point):
-    """Raise `m.workspace.defect` (d,) to the difference of f and its polynomial at check point i.
-
-    The argument of f is `point` (d,).
-    """
+    """Raise `m.workspace.defect` (d,) to f at `point` (d,) less its polynomial at point i."""
     f_at_point = m.workspace.f_at_point
     force_defect, forces = m.workspace.defect, m.workspace.values[0, FORCE]
     check_values = m.rule.check_values[i]
@@ -200,11 +190,8 @@ def update_force_defect(m, i, point):
 
 @inner
 def defect_matters(m):
-    """Return whether the defect of f, integrated over h, moves p far beyond Newton's tolerance.
-
-    A damping by the equations is not considered. Defects within the rounding error of f are
-    ignored.
-    """
+    """Return whether the defect of f, integrated over h, moves p far beyond Newton's tolerance."""
+    # damping by the equations, and defects within the rounding of f, do not count
     sums, kinds, force_scales = m.operators.sums, m.equations.kinds, m.workspace.force_scales
     force_defect, newton_tol = m.workspace.defect, m.workspace.newton_tol
     for c in range(force_defect.shape[0]):
@@ -219,11 +206,9 @@ def defect_matters(m):
 
 @inner
 def equations_hold(m, h):
-    """Evaluate f at the nodes again; return whether p there satisfies the equations.
-
-    Difference quotients across a jump of f give a huge Jacobian. With it Newton's method makes
-    small changes, and seems to have converged. If the changes contract, this is one more iteration.
-    """
+    """Evaluate f at the nodes again; return whether p there satisfies the equations."""
+    # Quotients across a jump of f give a huge Jacobian, with which Newton's method makes small
+    # changes and seems to have converged. If the changes contract, this is one more iteration.
     workspace, values, contraction = m.workspace, m.workspace.values[0], m.state.contraction
     f, p, x, before = values[FORCE], values[PRIMARY], values[POSITION], workspace.before
     previous = contraction.last
@@ -244,10 +229,7 @@ def equations_hold(m, h):
 
 @inner
 def add_force_defect(m):
-    """Raise `m.workspace.errors` (d,) to a fraction of the error of p that the defect of f causes.
-
-    Defects within the rounding error of f are ignored.
-    """
+    """Raise `m.workspace.errors` (d,) to a part of p's error by the defect of f above rounding."""
     sums, kinds, force_scales = m.operators.sums, m.equations.kinds, m.workspace.force_scales
     errors, force_defect = m.workspace.errors, m.workspace.defect
     d, s = kinds.shape[0], sums.shape[1]
@@ -269,15 +251,12 @@ def add_force_defect(m):
 
 @inner
 def legendre_tail(legendre, values, rounding):
-    """Return the last Legendre coefficient of a polynomial, and the decay to the next coefficient.
-
-    `values` (s,) are those of the polynomial at the nodes. The decay is a ratio in [0, 1]. A single
-    coefficient may be small by chance, and collocation makes the last one small. So the decay
-    compares the larger one of the last two coefficients with the larger one of the two before. The
-    last coefficient is at least the one before it times the decay. If the last one is within the
-    error `rounding` of the values, the decay is unknown and limited to a small one. Otherwise steps
-    would be rejected that no shorter step improves.
-    """
+    """Return a polynomial's last Legendre coefficient, and the decay to the next one, in [0, 1]."""
+    # values (s,) at the nodes. A coefficient may be small by chance, and collocation makes the last
+    # one small, so the decay is from the larger of the two before the last two to the larger of
+    # these. The last one is at least the one before times the decay. Within the error `rounding` of
+    # values the decay is unknown and limited, or steps would be rejected that no shorter step
+    # improves.
     s = values.shape[0]
     last, before, earlier, decay = 0.0, 0.0, 0.0, 1.0
     for k in range(max(0, s - 4), s):
@@ -300,12 +279,9 @@ def legendre_tail(legendre, values, rounding):
 
 @inner
 def tangent_error_ratio(m, h, table_index):
-    """Return the largest ratio of a tangent's error to its tolerance, over all tangents.
-
-    The tolerance is relative to the tangent's size. Size and error are the largest among the
-    components, each divided by the component's unit. The derivative by a parameter p has at least
-    the size ``_OF_QUOTIENT / |p|``.
-    """
+    """Return the largest ratio of a tangent's error to its tolerance, over all tangents."""
+    # Relative to the tangent's size. Size and error are the largest among components over their
+    # units. The derivative by a parameter p has at least the size _OF_QUOTIENT / |p|.
     values, p0 = m.workspace.values, m.orbit.initial
     errors, units = m.workspace.errors, m.workspace.units
     worst, rtol = 0.0, max(m.limits.rtol, _TANGENT)
@@ -329,12 +305,10 @@ def tangent_error_ratio(m, h, table_index):
 
 @inner
 def error_ratio(m, h):
-    """Return the largest ratio of a step's error to its tolerance, over all components.
-
-    It covers y, and y' where y' is the primary unknown p. The tolerance of p is at least the
-    rounding error of p(0), because p is a difference of p(0) and terms of the same size. It is at
-    least Newton's tolerance as well. Errors that no shorter step reduces do not count.
-    """
+    """Return the largest ratio of a step's error to its tolerance, over all components."""
+    # Of y, and of y' where it is the unknown p. The tolerance of p is at least Newton's, and the
+    # rounding of p(0), because p is a difference of p(0) and terms of the same size. Errors that no
+    # shorter step reduces do not count.
     limits, errors = m.limits, m.workspace.errors
     above_one, values = m.equations.above_one, m.workspace.values[0]
     sizes, newton_tol = m.workspace.sizes, m.workspace.newton_tol
@@ -376,12 +350,10 @@ def counts(m, h, c, largest, allowed):
 
 @inner
 def is_least(m, h, c, largest):
-    """Return whether no shorter step reduces the error of component c, relative to its largest |p|.
-
-    This is so for rounding of f. In a first step it is so for a component that grows by a power of
-    time which the step's polynomials do not contain. A rejected step tells. The growing component
-    may err by the tolerance of what it becomes by this power.
-    """
+    """Return if no shorter step reduces the error of component c, relative to its largest |p|."""
+    # So for rounding of f, and in a first step for a power of time that its polynomials do not
+    # contain; a rejected step tells. The growing component may err by the tolerance of what it
+    # becomes by this power.
     state, sums = m.state, m.operators.sums[m.equations.kinds[c]]
     error, tried = m.workspace.errors[c], state.tried[c]
     share = error / max(largest, LEAST)
@@ -397,11 +369,8 @@ def is_least(m, h, c, largest):
 
 @inner
 def orbit_error(m, h, table_index):
-    """Estimate the error of a solved step of the orbit; return its ratio to the tolerance.
-
-    Also returns whether the ratio exceeds 1 for the defect of f between the nodes alone. In
-    `m.workspace.values` f becomes f minus the terms of rows d + c, and p' is set if needed.
-    """
+    """Return a solved step's error over the tolerance, and if only the defect makes it > 1."""
+    # in m.workspace.values f becomes f minus the terms of rows d + c, and p' is set if needed
     workspace, values = m.workspace, m.workspace.values
     counts, start = m.state.counts, m.orbit.initial[0]
     measure_force_defect(m, h)
@@ -427,10 +396,8 @@ def orbit_error(m, h, table_index):
 
 @inner
 def tangents_error(m, h, table_index):
-    """Return the largest ratio of error to tolerance of the solved tangents.
-
-    In `m.workspace.values` f becomes f minus the terms of rows d + c, and p' is set if needed.
-    """
+    """Return the largest ratio of error to tolerance of the solved tangents."""
+    # in m.workspace.values f becomes f minus the terms of rows d + c, and p' is set if needed
     p, values, base = m.orbit.p, m.workspace.values, m.workspace.base
     subtract_from_forces(m.equations.kinds, m.operators.matrices, base[1:], values[1:])
     if values.shape[1] > SLOPE:

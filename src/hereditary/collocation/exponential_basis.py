@@ -59,10 +59,7 @@ class GridBasis:
     spacing: float  # of the grid in log(rate), infinite if all kernels are constant
 
     def refine(self, closest: float) -> Self:
-        """Return a basis that is accurate from the distance `closest` on.
-
-        Its first rates are the rates of this basis.
-        """
+        """Return a basis that is accurate from `closest` on, and begins with these rates."""
         if np.isfinite(self.spacing):
             n_added = math.ceil(math.log(self.closest / closest) / self.spacing)
             closest = self.closest / math.exp(self.spacing * n_added)
@@ -103,11 +100,8 @@ def power_law_basis(
     tol: float,
     fraction: float | None = None,
 ) -> PowerLawBasis:
-    """Return the sums of exponentials for power laws of these orders between two distances.
-
-    `fraction` is the fraction of the tolerance `tol` that sets the spacing of the rates. If it is
-    None, the fit determines it.
-    """
+    """Return the sums of exponentials for power laws of these orders between two distances."""
+    # fraction: part of tol that sets the spacing of the rates; None to let the fit determine it
     exponents = tuple(1 - a for a in orders)  # of the kernels t**(a-1)
     fit_tol = _effective_tol(exponents, tol)
     fit = fit_unit(exponents, farthest / closest, fit_tol, fraction)
@@ -142,11 +136,9 @@ class KernelBasis:
 def kernel_basis(
     kernels: tuple[MemoryKernel, ...], closest: float, farthest: float, t_end: float, tol: float
 ) -> KernelBasis:
-    """Return the sums of exponentials for general kernels, as a `KernelBasis`.
-
-    Steps evaluate the sums at distances from `closest` on. The sums are accurate up to `farthest`,
-    or up to `t_end` for kernels that are given by values only.
-    """
+    """Return the sums of exponentials for general kernels, as a `KernelBasis`."""
+    # accurate from below `closest`, for steps, up to `farthest`, or `t_end` for kernels given by
+    # values
     if not kernels:
         return NO_KERNELS
     starts = [_first_distance(kernel, closest, tol) for kernel in kernels]
@@ -193,10 +185,8 @@ def integral_if_rising(kernel: MemoryKernel, t_end: float) -> float:
 
 @lru_cache(maxsize=64)
 def _fit(kernel: MemoryKernel, t_min: float, t_max: float, tol: float) -> ExponentialSum:
-    """Return the sum of exponentials of a kernel from t_min to t_max, with error `tol` if possible.
-
-    Modes that have decayed at t_min are left out.
-    """
+    """Return a kernel's sum of exponentials from t_min to t_max, with error `tol` if possible."""
+    # modes that have decayed at t_min are left out
     try:
         fit = kernel.closest_fit(t_min / _DECAYED, t_max, max(1e-13, tol))
     except ValueError as error:

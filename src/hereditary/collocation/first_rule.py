@@ -92,10 +92,7 @@ def functions(variable: Variable, logs: np.ndarray) -> np.ndarray:
 
 
 def _legendre(variable: Variable, logs: np.ndarray) -> np.ndarray:
-    """Return the shifted Legendre polynomials P_0 .. P_(n-1) in u, at times with logarithms `logs`.
-
-    The shape is (n, ...), with that of `logs` after n.
-    """
+    """Return shifted Legendre polynomials P_0 .. P_(n-1) in u at `logs` of times, (n, ...)."""
     x = 2 * np.minimum(variable.at(logs), 1.0) - 1
     return legendre_values(x.ravel(), variable.n - 1).reshape(variable.n, *x.shape)
 
@@ -120,12 +117,10 @@ def node_logs(variable: Variable) -> np.ndarray:
 
 @lru_cache(maxsize=16)
 def known_at_nodes(n: int, n_weights: int, n_kernels: int) -> tuple[ExponentialBasis, StepTables]:
-    """Return the basis and the tables of a first step whose history is known at its n nodes.
-
-    Each node has a mode of its own, whose decay to the other nodes is 0. The march then reads the
-    history at the nodes as the modes. There are `n_weights` orders and kernels, n_kernels of them
-    kernels. The length of the step, and convolutions with kernels, are to be filled in.
-    """
+    """Return the basis and the tables of a first step whose history is known at its n nodes."""
+    # Each node has a mode of its own, whose decay to the others is 0, so the march reads the
+    # history as modes. n_weights orders and kernels, n_kernels of them kernels. Length of the step
+    # and convolutions with kernels are to be filled in.
     basis = ExponentialBasis(
         np.ones(n), np.zeros(0, complex), np.zeros((n_weights, n)), np.zeros(n_kernels),
         np.zeros((n, n, n)),
@@ -137,11 +132,8 @@ def known_at_nodes(n: int, n_weights: int, n_kernels: int) -> tuple[ExponentialB
 
 
 def means(variable: Variable, orders: tuple[float, ...], looks: bool = False) -> np.ndarray:
-    """Return ``J**a l_j / t**a`` at the nodes, or at the k check points, shape (n_a, k, n).
-
-    l_j are the n Lagrange polynomials in u, and a is one of n_a orders. The values are finite for
-    all t. `looks` says whether to take the check points.
-    """
+    """Return ``J**a l_j / t**a`` at the nodes, or at the k check points (`looks`), (n_a, k, n)."""
+    # l_j: the n Lagrange polynomials in u; a: one of n_a orders; finite for all t
     points, v, rule = graded_rule()
     a = np.array(orders)[:, None]
     # over the width that the rule leaves out, the kernel is integrated in closed form
@@ -162,10 +154,7 @@ def _points(n: int, looks: bool) -> np.ndarray:
 
 @lru_cache(maxsize=8)
 def _at_products(n: int, looks: bool) -> np.ndarray:
-    """Return the shifted Legendre polynomials at products of a point and a node, (n, k, n).
-
-    The points are those of `_points`.
-    """
+    """Return shifted Legendre polynomials at products of k `_points` and nodes, (n, k, n)."""
     u = np.multiply.outer(_points(n, looks), radau_nodes(n))
     return legendre_values(2 * u.ravel() - 1, n - 1).reshape(n, *u.shape)
 
@@ -177,11 +166,9 @@ def means_at_nodes(variable: Variable) -> np.ndarray:
 
 
 def convolutions(variable: Variable, kernel: MemoryKernel, h: float) -> np.ndarray:
-    """Return the matrix of the convolution with a kernel K in a step of length h, (n, n).
-
-    Row i gives ``int_0^(h t_i) K(h t_i - s) q(s) ds`` from the values of q at the times h t_j of
-    the n nodes.
-    """
+    """Return the matrix of the convolution with a kernel K in a step of length h, (n, n)."""
+    # row i gives int_0^(h t_i) K(h t_i - s) q(s) ds from the values of q at the times h t_j of the
+    # n nodes
     points, v, weights = graded_rule()
     logs = variable.logs(radau_nodes(variable.n))
     ends = h * np.exp(logs)
@@ -213,10 +200,8 @@ def at_rule(variable: Variable) -> np.ndarray:
 
 @lru_cache(maxsize=1)
 def graded_rule() -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return a quadrature rule on [0, 1] for integrands that are singular at both ends.
-
-    The results are the points x, the values 1 - x without cancellation, and the weights.
-    """
+    """Return x, 1 - x and weights on [0, 1] for integrands that are singular at both ends."""
+    # 1 - x without cancellation
     x, w = leggauss(16)
     ends = np.concatenate([[LEFT_OUT], 0.5 * 0.25 ** np.arange(25, -1, -1)])
     widths = np.diff(ends)[:, None]
@@ -228,11 +213,9 @@ def graded_rule() -> tuple[np.ndarray, np.ndarray, np.ndarray]:
 def rule_of_modes(
     n: int, fastest: float
 ) -> tuple[tuple[bool, int], np.ndarray, np.ndarray, np.ndarray]:
-    """Return a rule on [0, 1] for polynomials of u in n nodes times decays towards the end.
-
-    The decays are exponentials of rates up to `fastest`, so panels next to the end need not be
-    shorter than they decay. The results are a key of the rule, and what `graded_rule` returns.
-    """
+    """Return a key, and the rule of `graded_rule` for polynomials of u times decays to the end."""
+    # polynomials in n nodes, exponentials of rates up to `fastest`: panels next to the end need not
+    # be shorter than they decay
     # the last panel is not longer than two decay times of the fastest rate
     key = n <= _FIRST_STEP_NODES, min(max(math.ceil(math.log(max(fastest, 1.0), 4)), 3), 26)
     return key, *_rule_of_modes(*key)
@@ -240,21 +223,17 @@ def rule_of_modes(
 
 @lru_cache(maxsize=64)
 def _rule_of_modes(smooth: bool, n_ends: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return the rule with `n_ends` panels between the middle and the end.
-
-    Panels next to the start have fewer points the shorter they are, if `smooth` is true: the
-    polynomials have no more than 24 nodes.
-    """
+    """Return the rule with `n_ends` panels between the middle and the end."""
+    # smooth: panels next to the start have fewer points the shorter they are, as polynomials have
+    # no more than 24 nodes
     x, of_x = _side(LEFT_OUT, [max(4, 16 - k // 2) if smooth else 16 for k in range(26)])
     v, of_v = _side(0.0, [16] * n_ends)
     return np.concatenate([x, 1 - v]), np.concatenate([1 - x, v]), np.concatenate([of_x, of_v])
 
 
 def _side(least: float, numbers: list[int]) -> tuple[np.ndarray, np.ndarray]:
-    """Return points and weights on [least, 1/2], of which each panel is a quarter as long.
-
-    `numbers` are those of the points in the panels, beginning with the longest.
-    """
+    """Return points and weights on [least, 1/2], of which each panel is a quarter as long."""
+    # numbers: of points in the panels, beginning with the longest
     ends = [0.5 * 0.25**k for k in range(len(numbers))] + [least]
     points, weights = [], []
     for k, number in enumerate(numbers):

@@ -46,11 +46,8 @@ _OF_JUMP = 0.5
 
 @inner(allocates=True)
 def look(m, h):
-    """Return a time of a solved step at which f is far from its polynomial through the nodes, or 0.
-
-    The times are a part of the run apart, and do not depend on the steps. They are left out where
-    nodes are closer.
-    """
+    """Return a time of a solved step at which f is far from its polynomial, or 0."""
+    # at times a part of the run apart that do not depend on the steps, not where nodes are closer
     workspace, limits, spacing = m.workspace, m.limits, m.limits.looks
     start = m.state.control.origin + m.state.control.time
     k, end = math.floor(start / spacing - _PHASE) + 1, min(start + h, limits.latest)
@@ -91,11 +88,9 @@ def variable_at(log, variable):
 
 @inner
 def set_coefficients(m, h, c, of_y, of_f):
-    """Set the Legendre coefficients of y_c (s + 1,) and f_c (s,) in a solved step of length h.
-
-    Where p is y', y is its integral. In a first step, whose variable is not time, that is taken as
-    a polynomial.
-    """
+    """Set the Legendre coefficients of y_c (s + 1,) and f_c (s,) in a solved step of length h."""
+    # y is the integral of p = y'; in a first step, whose variable is not time, it is taken as a
+    # polynomial
     values, legendre, s = m.workspace.values[0], m.rule.legendre, of_f.shape[0]
     integrated = m.equations.above_one[c] == 1 and m.state.control.begins == 0.0
     for k in range(s):
@@ -135,11 +130,9 @@ def is_off(m, h, c, expected):
 
 @inner
 def find_jump(m, solved):
-    """Return the time at which f jumps within a rejected step, and whether by y; the time may be 0.
-
-    y is that of the step, or the line through the last step: a jump by y bends y of the step
-    itself. `m.workspace.point` becomes y beyond the jump.
-    """
+    """Return the time at which f jumps within a rejected step, or 0, and whether by y."""
+    # y is that of the step, or the line through the last step: a jump by y bends y of the step
+    # itself. m.workspace.point becomes y beyond the jump.
     t, by_y = search(m) if solved else (0.0, True)
     if not by_y:
         return t, by_y
@@ -150,11 +143,9 @@ def find_jump(m, solved):
 
 @inner(allocates=True)
 def search(m):
-    """Return the time at which f jumps along y at the nodes, and whether by y; the time may be 0.
-
-    The interval of neighbouring nodes in which f differs most is halved until its ends are
-    neighbouring numbers. In it y is linear. A look that found a force ends the interval.
-    """
+    """Return the time at which f jumps along y at the nodes, or 0, and whether by y."""
+    # The interval between nodes in which f differs most is halved until its ends are neighbouring
+    # numbers; y is linear in it. A look that found a force ends it.
     workspace, control, limits = m.workspace, m.state.control, m.limits
     x, times, d = workspace.values[0, POSITION], workspace.times, workspace.point.shape[0]
     start = max(limits.earliest, control.origin + control.time)
@@ -203,10 +194,8 @@ def go_straight(m, x):
 
 @inner(allocates=True)
 def bisect(m, low, high, first, last):
-    """Return the time of a jump of f between two times, and whether by y; the time is 0 if none is.
-
-    `first` and `last` (2, d) are y and f at both times.
-    """
+    """Return the time of a jump of f between two times, or 0, and whether by y."""
+    # first, last (2, d): y and f at both times
     y, start, end, before = m.workspace.point, low, high, apart(m, first[1], last[1])
     f, f_low, f_high, size = np.empty(first.shape[1]), first[1].copy(), last[1].copy(), before
     for halving in range(_MOST_HALVINGS):
@@ -237,10 +226,8 @@ def bisect(m, low, high, first, last):
 
 @inner(allocates=True)
 def step_over(m, t):
-    """Move `m.workspace.point` (d,) along the last step to where f has jumped; return if it does.
-
-    The point beyond the jump at time t that was found lies on a path which the jump has bent.
-    """
+    """Move `m.workspace.point` (d,) along the last step to where f jumped; return if it did."""
+    # the point beyond the jump at time t that was found lies on a path which the jump has bent
     point, x, last = m.workspace.point, m.orbit.x[0], m.orbit.last[0, POSITION]
     f, f_before, share = np.empty(x.shape[0]), np.empty(x.shape[0]), _LEAST_SHARE
     set_force(m.right.force, t, point, f)

@@ -27,11 +27,9 @@ _MAX_CONDITION_AT_JUMPS = 1e14
 
 
 def jump(system: System, form: Form, orbit: OrbitAndTangents, t: float, counts: np.void) -> bool:
-    """Solve for the jump of p at time t after which the equation holds, and apply it to the orbit.
-
-    Just before t > 0 the terms of the equation equal the right-hand side. At t = 0 they consist of
-    the terms of p itself. Returns whether Newton's method converged.
-    """
+    """Apply the jump of p at t after which the equation holds; return if iterations converged."""
+    # just before t > 0 the terms of the equation equal the right-hand side; at t = 0 they are those
+    # of p
     stiffness, coefficients_of_p = _stiffness(form), _coefficients_of_p(form)
     free = (form.implicit == 1) & np.isfinite(stiffness) & (stiffness != 0)
     if not free.any():
@@ -57,10 +55,8 @@ def jump(system: System, form: Form, orbit: OrbitAndTangents, t: float, counts: 
 def _forces(
     system: System, t: float, x: np.ndarray, counts: np.void
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return f for the orbit and its linearisation for k tangents, (1 + k, d), and the Jacobian.
-
-    x (1 + k, d) is y of the orbit and of its tangents.
-    """
+    """Return f of the orbit and its linearisation for k tangents, (1 + k, d), and the Jacobian."""
+    # x (1 + k, d): y of the orbit and of its tangents
     f, jacobian = system.rhs(t, x[0]), system.derivative(t, x[0])
     jacobian = jacobian if system.structure is None else jacobian.toarray()
     counts["rhs"] += 1
@@ -95,10 +91,8 @@ def _coefficients_of_p(form: Form) -> np.ndarray:
 
 
 def jacobian_beside_jump(system: System, t: float, y: np.ndarray, units: np.ndarray) -> np.ndarray:
-    """Return the Jacobian (d, d) of f at y (d,) next to a jump of f by y, by one-sided differences.
-
-    Each column has the smaller of the differences to both sides. The other one has the jump in it.
-    """
+    """Return the Jacobian (d, d) of f at y (d,) next to a jump by y, by one-sided differences."""
+    # each column is the smaller of the differences to both sides: the other has the jump in it
     f, steps = system.rhs(t, y), _ONE_SIDED * np.maximum(units, np.abs(y))
     sides = [
         [(system.rhs(t, y + sign * step * unit) - f) / (sign * step) for sign in (1, -1)]

@@ -66,12 +66,9 @@ from .tolerances import (
 
 @inner
 def attempt(march, t, h, table_index):
-    """Solve a step of length h from t: f, p and y at the nodes, stored in `m.workspace.values`.
-
-    `table_index` is the index of the tables for h. Returns the ratio of the error to the tolerance,
-    and whether Newton's method converged. The third result is whether the ratio exceeds 1 only for
-    the defect of f between the nodes.
-    """
+    """Solve a step of length h from t by tables `table_index`; f, p, y are in `values`."""
+    # returns the ratio of error to tolerance, whether Newton's method converged, and whether the
+    # ratio exceeds 1 only for the defect of f between the nodes
     m = march.work
     orbit, state = m.orbit, m.state
     workspace, equations, limits = m.workspace, m.equations, m.limits
@@ -124,11 +121,9 @@ def attempt(march, t, h, table_index):
 
 @inner
 def set_times(origin, t, h, nodes, limits, times):
-    """Set the times of the nodes; they stay between `limits.earliest` and `limits.latest`.
-
-    These lie strictly inside the interval between origin and stop, where f may jump. The time t is
-    counted from the origin.
-    """
+    """Set the times of the nodes; they stay between `limits.earliest` and `limits.latest`."""
+    # strictly inside the interval between origin and stop, where f may jump; t is counted from the
+    # origin
     for i in range(nodes.shape[0]):
         time = min(origin + (t + h * nodes[i]), limits.latest)
         times[i] = max(time, limits.earliest)
@@ -136,10 +131,8 @@ def set_times(origin, t, h, nodes, limits, times):
 
 @inner
 def set_known_part(m):
-    """Add initial values and offsets to the history in `m.workspace.base` (1 + k, R, s).
-
-    The result is the known part of each row: all that does not depend on the solution of this step.
-    """
+    """Add initial values and offsets to the history in `m.workspace.base` (1 + k, R, s)."""
+    # it becomes the known part of each row, that does not depend on the solution of this step
     initial, p, kinds, base = m.orbit.initial, m.orbit.p, m.equations.kinds, m.workspace.base
     constant, start_weights = m.operators.constant, m.operators.start_weights
     d, n_kinds = p.shape[1], number_of(kinds)
@@ -163,11 +156,9 @@ def set_starts(orbit, above_one, starts):
 
 @inner
 def set_units(equations, sizes, x, limits, out):
-    """Set the units of components, (d,), for the increments of difference quotients of f.
-
-    A unit is the size of the component. If an absolute tolerance is given, it is the present |y|,
-    at least atol / rtol. It is that of `equations.units` for a component without a size.
-    """
+    """Set the units of components, (d,), for the increments of difference quotients of f."""
+    # The size of the component, or by an absolute tolerance the present |y|, at least atol / rtol.
+    # Of a component without a size it is that of equations.units.
     for c in range(out.shape[0]):
         unit = sizes[c] if limits.by_size > 0.0 else max(abs(x[c]), limits.atol[c] / limits.rtol)
         out[c] = unit if unit > LEAST else equations.units[c]
@@ -190,12 +181,9 @@ def jacobian_at_start(start, out):
 
 @inner
 def extrapolate(m, h):
-    """Extrapolate the polynomial of p on the last step to the nodes of the next step of length h.
-
-    The result is the first guess of Newton's method. Differences from p at the end of the last step
-    are extrapolated, so a constant is exact. `m.workspace.change` (d s,) becomes p at the end of
-    the last step minus the result.
-    """
+    """Extrapolate p of the last step to the nodes of the next one of length h, a first guess."""
+    # Differences from p at the last end are extrapolated, so a constant is exact.
+    # m.workspace.change (d s,) becomes p at the last end minus the result.
     # last, out (d, s): p at the nodes of the last and of the next step; reached (s, s): weights
     nodes, legendre, p, h_last = m.rule.nodes, m.rule.legendre, m.orbit.p[0], m.state.control.last
     last, out = m.orbit.last[0, PRIMARY], m.workspace.values[0, PRIMARY]
@@ -322,10 +310,8 @@ def take_steps(march):
 
 @inner
 def stop_before_jump(m, t, h, solved):
-    """Search a jump of f in a rejected step; return FOUND, CROSSED, or REACHED if steps go on.
-
-    Before a jump by y the next step ends short of it.
-    """
+    """Search a jump of f in a rejected step; return FOUND, CROSSED, or REACHED if steps go on."""
+    # before a jump by y the next step ends short of it
     control = m.state.control
     control.jump, by_y = find_jump(m, solved)
     left = control.jump - control.origin - t
@@ -363,10 +349,7 @@ def march_adaptive(march):
 
 @plug_in
 def solve_for_tangents(m, h, table_index):
-    """Solve a step of length h for the tangents; return the ratio of error to tolerance.
-
-    The result is infinite if the equations of the tangents could not be solved.
-    """
+    """Solve a step of length h for the tangents; return error over tolerance, or infinity."""
     return tangents_error(m, h, table_index) if solve_tangent_stages(m, h) else np.inf
 
 
@@ -377,10 +360,8 @@ def no_tangents(m, h, table_index):
 
 
 def march_of(work: AdaptiveWork) -> AdaptiveMarch:
-    """Return the `AdaptiveMarch` of an `AdaptiveWork`, with the functions that its arrays need.
-
-    Functions for tangents, varying orders and general kernels do nothing if there are none.
-    """
+    """Return the `AdaptiveMarch` of an `AdaptiveWork`, with the functions that its arrays need."""
+    # functions for tangents, varying orders and general kernels do nothing if there are none
     has_tangents, varies = work.orbit.x.shape[0] > 1, work.varying.integrals.shape[0] > 0
     return AdaptiveMarch(work, *_functions(has_tangents, varies, work.basis.masses.size > 0))
 
@@ -396,11 +377,8 @@ def _functions(has_tangents: bool, varies: bool, has_kernels: bool) -> tuple[Any
 
 @inner
 def worth_new_factors(h, planned, ratio, stages):
-    """Return the length of the next step: the planned one, or h again if that saves factors.
-
-    A planned length less than `_MIN_WORTHWHILE_FACTOR` times h is postponed for `stages.hold` steps
-    at most.
-    """
+    """Return the length of the next step: the planned one, or h again if that saves factors."""
+    # a length below _MIN_WORTHWHILE_FACTOR times h is postponed for stages.hold steps at most
     held = stages.control[HELD]
     if stages.hold > held and ratio <= 1.0 and h < planned < _MIN_WORTHWHILE_FACTOR * h:
         stages.control[HELD] = held + 1.0
@@ -419,10 +397,8 @@ def reason_of_refusal(by_defect, solved):
 
 @inner
 def next_step(control, end):
-    """Return start of the next step, time to `end`, and the step's length.
-
-    The step ends at `end` or at most half-way, so no tiny step remains before `end`.
-    """
+    """Return start of the next step, time to `end`, and the step's length."""
+    # it ends at `end` or at most half-way, so no tiny step remains
     left = end - control.time
     h = left if control.next >= left else min(control.next, 0.5 * left)
     return control.time, left, h
@@ -430,10 +406,8 @@ def next_step(control, end):
 
 @inner
 def orders_tabulated(t, h, varying):
-    """Return whether the tables of varying orders are valid for the step of length h from t.
-
-    If they are not, the function requests the tables of this step from Python.
-    """
+    """Return whether the tables of varying orders are valid for the step of length h from t."""
+    # if not, they are requested from Python
     tabulated = varying.tabulated
     if varying.integrals.shape[0] == 0 or (tabulated.start == t and tabulated.length == h):
         return True
@@ -443,13 +417,10 @@ def orders_tabulated(t, h, varying):
 
 @inner
 def next_length(h, planned, ratio, was_rejected, order):
-    """Return the length of the next step after a step of length h.
-
-    `ratio` is the error of the step over the tolerance, infinite if the step was not solved. The
-    result is h times a power of the ratio, within limits, rounded down to the grid of lengths. It
-    is a quarter of h if the step was not solved. If the step was shortened to end at a stop, and
-    accepted, the result is the length `planned` before.
-    """
+    """Return the length of the next step after a step of length h."""
+    # h times a power of ratio, the error over the tolerance, within limits, down to the grid of
+    # lengths. A quarter of h if the step was not solved (ratio infinite). The length planned before
+    # if the accepted step was shortened to end at a stop.
     if ratio <= 1.0 and h < planned:
         return planned
     if not ratio < np.inf:
@@ -470,11 +441,9 @@ def lowest_order(equations):
 
 @inner
 def absorb_constant_mode(rates, orbit):
-    """Move the content of a mode of rate 0 into p(0), for the orbit and the tangents.
-
-    In a classical equation the mode and p(0) would grow without bound and cancel. Their rounding
-    errors would hide a decaying tangent.
-    """
+    """Move the content of a mode of rate 0 into p(0), for the orbit and the tangents."""
+    # in a classical equation both would grow without bound and cancel; their rounding would hide a
+    # decaying tangent
     if rates.shape[0] > 0 and rates[0] == 0.0:
         initial, modes = orbit.initial, orbit.modes
         d = initial.shape[1]

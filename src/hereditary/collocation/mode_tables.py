@@ -122,11 +122,9 @@ def turning_decay(z):
 
 @inner(allocates=True)
 def set_kernel_matrix(h, nodes, basis, weights, mass, out):
-    """Set `out` (s, s) to the matrix of a kernel's convolution over one step of length h.
-
-    out[i, j] is the weight of the value at node j in the convolution at node i. The kernel is the
-    sum of the exponentials of `basis` with `weights` (M,), and a point mass `mass` at time lag 0.
-    """
+    """Set `out` (s, s) to the matrix of a kernel's convolution over one step of length h."""
+    # out[i, j]: weight of node j at node i. The kernel is the sum of exponentials of basis with
+    # weights (M,), and a point mass at time lag 0.
     rates, pairs, s = basis.rates, basis.pairs, nodes.shape[0]
     real, turned, total = np.empty(s), np.empty(s, dtype=np.complex128), np.empty(s)
     clear_matrix(out)
@@ -160,10 +158,8 @@ def read_modes(modes, to_nodes, out):
 
 @plug_in
 def read_varying(m, table_index, column):
-    """Add the history of terms with varying orders to `m.workspace.base` of one column.
-
-    Their modes have no weights; the weights for the order at each node are in `m.varying`.
-    """
+    """Add the history of terms with varying orders to `m.workspace.base` of one column."""
+    # their modes have no weights; those of the order at each node are in m.varying
     # modes (R, M); to_nodes (M, s): decay of the modes to the nodes; out (R, s)
     modes = m.orbit.modes[column]
     to_nodes, out = m.tables.to_nodes[table_index], m.workspace.base[column]
@@ -192,11 +188,9 @@ def read_nothing(m, table_index, column):
 
 @inner
 def advance_modes(m, h, table_index, column):
-    """Advance the modes of one column over a step of length h.
-
-    The modes decay, and the integrals of the integrands' polynomials over the step are added. Row c
-    has integrands of component c modulo d.
-    """
+    """Advance the modes of one column over a step of length h."""
+    # They decay, and integrals of the integrands' polynomials are added. Row c has integrands of
+    # component c modulo d.
     # to_end (M,): decay; moments (s, M): integrals of Legendre polynomials; values (n_q, d, s):
     # integrands at the nodes; modes (R, M)
     values, modes = m.orbit.last[column], m.orbit.modes[column]
@@ -230,11 +224,9 @@ def advance_modes(m, h, table_index, column):
 
 @inner
 def set_mode_weights(equations, weights, of_varying, found):
-    """Set the `ModeWeights` found: coefficients of the terms times weights of their kernels.
-
-    Modes of varying orders have weight 1. They are in rows after the others, one row for each
-    component and each integrand of varying orders.
-    """
+    """Set the `ModeWeights` found: coefficients of the terms times weights of their kernels."""
+    # modes of varying orders have weight 1, in rows after the others, one for each component and
+    # integrand
     # weights (n_a + n_k, M); of_varying (M,): 1 for the modes of varying orders
     input_weights, offset_weights, used = found.integrands, found.offsets, found.used
     terms, offsets, unweighted = equations.terms, equations.offsets, equations.unweighted
@@ -265,12 +257,10 @@ def set_mode_weights(equations, weights, of_varying, found):
 
 @inner
 def exponential_legendre(z, n, out):
-    """Set out[k] = ``int_0^1 exp(-z (1 - u)) P_k(2 u - 1) du``, k < n, for z >= 0.
-
-    P_k is the Legendre polynomial. The integrals are scaled modified spherical Bessel functions of
-    z / 2. For n small against z / 2 they follow by upward recurrence from k = 0 and 1. Otherwise
-    their ratios follow from a continued fraction with positive terms.
-    """
+    """Set out[k] = ``int_0^1 exp(-z (1 - u)) P_k(2 u - 1) du``, k < n, for z >= 0."""
+    # P_k is the Legendre polynomial: scaled modified spherical Bessel functions of z / 2. For n
+    # small against z / 2 by upward recurrence from k = 0 and 1, else their ratios by a continued
+    # fraction with positive terms.
     x = 0.5 * z
     out[0] = 1.0 if z == 0.0 else -math.expm1(-z) / z
     if n == 1:
@@ -291,11 +281,9 @@ def exponential_legendre(z, n, out):
 
 @inner
 def turning_legendre(z, n, out):
-    """Set out[k] to the integrals of `exponential_legendre`, k < n, for complex z and n > 1.
-
-    For n small against z / 2 they follow by upward recurrence. Otherwise they follow by downward
-    recurrence up to a factor, which ``sum_k (2 k + 1) out[k] = 1`` determines.
-    """
+    """Set out[k] to the integrals of `exponential_legendre`, k < n, for complex z and n > 1."""
+    # For n small against z / 2 by upward recurrence. Else by downward recurrence up to a factor,
+    # which sum_k (2 k + 1) out[k] = 1 determines.
     x = 0.5 * z
     if abs(x) > 2.0 * n:
         end = turning_decay(z)

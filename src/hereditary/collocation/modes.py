@@ -51,10 +51,8 @@ class Modes(NamedTuple):
 def joined(
     n_varying: int, s: int, power_laws: PowerLawBasis, kernels: KernelBasis, varying: VaryingBasis
 ) -> Modes:
-    """Return the `Modes` of three sums of exponentials, the last one for `n_varying` orders.
-
-    Steps have s nodes.
-    """
+    """Return the `Modes` of three sums of exponentials, the last one for `n_varying` orders."""
+    # steps have s nodes
     size = varying.rates.size
     without = Bank(varying.rates, np.zeros((n_varying, size)))
     bank = Bank.of([power_laws, *kernels.sums, without])
@@ -85,11 +83,8 @@ def opened(
     tol: float,
     kernels: KernelBasis | None = None,
 ) -> Modes:
-    """Return the `Modes` for time lags from `closest` to `farthest`, to a relative error `tol`.
-
-    `t_end` is the largest time lag of kernels given by values. `kernels` are their sums, if they
-    have been fitted already.
-    """
+    """Return the `Modes` for time lags from `closest` to `farthest`, to a relative error `tol`."""
+    # t_end: largest time lag of kernels given by values; kernels: their sums, if fitted already
     power_laws = power_law_basis(form.orders.tolist(), closest, farthest, tol)
     if kernels is None:
         kernels = kernel_basis(form.kernels, closest, farthest, t_end, tol)
@@ -113,10 +108,8 @@ class OverStep(NamedTuple):
 
 
 def over_step(bank: Bank, variable: Variable, length: float) -> OverStep:
-    """Return what the rates of a bank have of a step with nodes in `variable`.
-
-    It depends on the rates, the variable and the length alone, and is made once for equal ones.
-    """
+    """Return what the rates of a bank have of a step with nodes in `variable`."""
+    # it depends on rates, variable and length alone, and is made once for equal ones
     return _over_step(bank.rates.tobytes(), bank.rates.dtype, variable, length)
 
 

@@ -73,11 +73,8 @@ _MIN_NEWTON_ATOL = 1e-202
 
 @inner
 def nodal_slopes(h, inverse, start, p, out):
-    """Set `out` (d, s) to p' at the nodes of a step of length h, from the polynomial of p.
-
-    p (d, s) are its values at the nodes, `start` (d,) its values at the start of the step. The
-    matrix `inverse` (s, s) is the inverse of the integrals of order 1.
-    """
+    """Set `out` (d, s) to p' at the nodes of a step of length h, from the polynomial of p."""
+    # p (d, s) at the nodes, start (d,) at the start; inverse (s, s): of the integrals of order 1
     for c in range(p.shape[0]):
         for i in range(p.shape[1]):
             total = 0.0
@@ -119,13 +116,10 @@ def forces(m, x, f):
 
 @inner
 def force_on_its_side(m, t, x, point, f):
-    """Set f (d,) to the right-hand side at y = point (d,) in a step; return if it is finite.
-
-    If it is not finite in a first step, components that are beyond y at the start by their error
-    only are moved there. The side of y = x (d, s) at the last node is the right one. A
-    component that grows by a high power of time is smaller than the errors of its polynomial at
-    early times.
-    """
+    """Set f (d,) to the right-hand side at y = point (d,) in a step; return if it is finite."""
+    # If not, in a first step components beyond y at the start by their error only are moved there.
+    # The side of y = x (d, s) at the last node is the right one. A high power of time is smaller
+    # than the errors of its polynomial at early times.
     x_start = m.orbit.x[0]
     set_force(m.right.force, t, point, f)
     finite, moved = all_finite(f), False
@@ -142,11 +136,8 @@ def force_on_its_side(m, t, x, point, f):
 
 @inner
 def factorise_newton(m, h, p, jacobians):
-    """Factorise the matrix of Newton's method for a step of length h; return if it is regular.
-
-    `jacobians` has one Jacobian for all nodes, or one for each node. p (d, s) only has the shape
-    that the solver needs.
-    """
+    """Factorise Newton's matrix for a step of length h; return if it is regular."""
+    # jacobians: one for all nodes, or one for each; of p (d, s) only the shape counts
     stages, matrices, over_step = m.stages, m.operators.matrices, m.stages.integral
     integral = m.rule.integrals[m.equations.orders.shape[0] - 1]  # integrals of order 1
     few = stages.jacobians.shape[0] > 1
@@ -174,10 +165,8 @@ def solve_newton(m):
 
 @inner
 def solve_for_orbit(m):
-    """Solve Newton's linear system as `solve_newton`; a component without a size may stay at 0.
-
-    It stays there if its residual is 0. Otherwise the rounding of others would move it.
-    """
+    """Solve as `solve_newton`; a component without size and residual stays at 0."""
+    # otherwise the rounding of others would move it
     residual, change, newton_tol = m.workspace.residual, m.workspace.change, m.workspace.newton_tol
     solve_newton(m)
     s, implicit = residual.shape[0] // newton_tol.shape[0], m.equations.implicit
@@ -190,16 +179,12 @@ def solve_for_orbit(m):
 
 @inner
 def solve_stages(m, h):
-    """Solve a step of length h for p at the nodes by Newton's method; return if it converged.
-
-    `m.workspace.values` has the first guess of p. `m.workspace.change` (d s,) has p at the start of
-    the step minus this guess. The method has converged if p is accurate to `m.workspace.newton_tol`
-    (d,). It also sets y and f; f is corrected to first order for the last change of p.
-    `m.state.contraction` records the contraction.
-
-    Systems of many components use one Jacobian in several steps while the method converges fast,
-    and its factors while the step's length is the same.
-    """
+    """Solve a step of length h for p at the nodes by Newton's method; return if it converged."""
+    # m.workspace.values has the first guess of p, m.workspace.change (d s,) p at the start minus
+    # it. Converged if p is accurate to m.workspace.newton_tol (d,). Sets y, and f to first order
+    # for the last change of p; m.state.contraction records the contraction. Many components use a
+    # Jacobian in several steps while the method converges fast, and its factors while the length is
+    # the same.
     workspace, stages = m.workspace, m.stages
     counts, contraction = m.state.counts, m.state.contraction
     values, x_start = workspace.values[0], m.orbit.x[0]
@@ -276,10 +261,8 @@ def solve_stages(m, h):
 
 @inner
 def holds_at_end(m, x, f):
-    """Return whether f (d, s) at the last node, corrected after one iteration, is that at y = x.
-
-    Between the first guess and y, (d, s), the right-hand side may jump.
-    """
+    """Return whether f (d, s) at the last node, corrected after one iteration, is that at y = x."""
+    # between the first guess and y, (d, s), the right-hand side may jump
     point, f_at_point, last = m.workspace.point, m.workspace.f_at_point, x.shape[1] - 1
     for c in range(point.shape[0]):
         point[c] = x[c, last]
@@ -294,10 +277,8 @@ def holds_at_end(m, x, f):
 
 @inner
 def set_rounding(m):
-    """Set the change of p by rounding of f, `m.workspace.rounding` (d,), after a first iteration.
-
-    In a first iteration changes of this size may still be those of the solution.
-    """
+    """Set the change of p by rounding of f, `m.workspace.rounding` (d,), after an iteration."""
+    # in a first iteration changes of this size may still be those of the solution
     sums, kinds, workspace = m.operators.sums, m.equations.kinds, m.workspace
     for c in range(kinds.shape[0]):
         summed = workspace.force_scales[c] * abs(sums[kinds[c], -1])
@@ -306,21 +287,11 @@ def set_rounding(m):
 
 @inner
 def verdict(size, previous, rate, sweep, fresh):
-    """Return what follows a Newton change of finite size, as a verdict of compiled/newton.py.
-
-    Parameters
-    ----------
-    size, previous : float
-        The change and the one before, in units of the tolerance. `previous` is infinite for the
-        first one with new factors.
-    rate : float
-        The result of `contraction_rate`: the ratio of both changes, or an estimate of it. The error
-        is at most _PER_RATE times the rate times the last change.
-    sweep : int
-        Number of the iteration, from 0.
-    fresh : bool
-        Whether the Jacobian is one of this step.
-    """
+    """Return what follows a Newton change of finite size, as a verdict of compiled/newton.py."""
+    # size and previous: changes in units of the tolerance; previous is infinite for the first one
+    # with new factors. rate: of `contraction_rate`; the error is at most _PER_RATE times rate times
+    # the last change. sweep: number of the iteration, from 0. fresh: the Jacobian is one of this
+    # step.
     if size * min(1.0, _PER_RATE * rate) < 1.0:
         return ACCEPT
     if previous == np.inf or rate <= _MAX_CONTRACTION_RATE:
@@ -332,12 +303,10 @@ def verdict(size, previous, rate, sweep, fresh):
 
 @inner
 def iterate_once(m, p, x, f):
-    """Make one fixed-point iteration for explicit rows; return whether any row is algebraic.
-
-    Algebraic rows may be independent of their unknowns while all memory is still 0. Newton's matrix
-    is then singular at the first guess, but it may be regular after this iteration. The arrays p,
-    x (= y) and f (d, s) are values at the nodes; the function changes p.
-    """
+    """Make one fixed-point iteration for explicit rows; return whether any row is algebraic."""
+    # Such rows may be independent of their unknowns while all memory is 0: Newton's matrix,
+    # singular at the first guess, may be regular after it. p, which is changed, x (= y) and f (d,
+    # s) are at the nodes.
     implicit, residual, s, found = m.equations.implicit, m.workspace.residual, p.shape[1], False
     residuals(m, m.workspace.base[0], p, x, f)
     for c in range(p.shape[0]):
@@ -349,10 +318,8 @@ def iterate_once(m, p, x, f):
 
 @inner
 def raise_units(m, h, f):
-    """Raise the units of components, (d,), to a part of what f (d, s) makes of them in the step.
-
-    Where a force sets in, rounding of f would hide the differences over smaller increments.
-    """
+    """Raise the units of components, (d,), to a part of what f (d, s) makes of them in the step."""
+    # where a force sets in, rounding of f would hide the differences over smaller increments
     sums, kinds, above_one = m.operators.sums, m.equations.kinds, m.equations.above_one
     for c in range(kinds.shape[0]):
         made = largest_of(f[c], 0, f.shape[1]) * abs(sums[kinds[c], -1])
@@ -364,10 +331,8 @@ def raise_units(m, h, f):
 
 @inner
 def stage_jacobians(m, x, out):
-    """Set the Jacobian of f at each node, or at the middle node only; return the calls of `rhs`.
-
-    x (d, s) is y at the nodes. `out` is (s, d, d), or (1, ., .) for the middle node only.
-    """
+    """Set the Jacobian of f at each node, or at the middle node only; return the calls of `rhs`."""
+    # x (d, s): y at the nodes; out (s, d, d), or (1, ., .) for the middle node only
     times, point, units = m.workspace.times, m.workspace.point, m.workspace.units
     s, calls = times.shape[0], 0
     for i in range(out.shape[0]):
@@ -380,10 +345,8 @@ def stage_jacobians(m, x, out):
 
 @inner
 def correct_forces(jacobians, before, x, f, moved):
-    """Correct f (d, s) to first order by J (x - before), from y = `before` to y = x, (d, s).
-
-    `jacobians` has J for all nodes or for each node; `moved` (s, d) is a work array.
-    """
+    """Correct f (d, s) to first order by J (x - before), from y = `before` to y = x, (d, s)."""
+    # jacobians: J of all nodes or of each; moved (s, d): work array
     d, s = x.shape
     sparse, by_nodes, entries = is_sparse(jacobians[0], d), jacobians.shape[0] > 1, jacobians[0]
     for k in range(entries.shape[1] if sparse else 0):
@@ -401,10 +364,8 @@ def correct_forces(jacobians, before, x, f, moved):
 
 @inner
 def take_back_at_nodes(f, share, change, p):
-    """Undo a fraction of the last change of p at the nodes where f (d, s) is not finite.
-
-    `share` is the fraction. `change` (d s,) was subtracted from p (d, s), and is reduced as well.
-    """
+    """Undo the fraction `share` of the last change of p at nodes where f (d, s) is not finite."""
+    # change (d s,) was subtracted from p (d, s), and is reduced as well
     d, s = p.shape
     for i in range(s):
         finite = True
@@ -417,11 +378,9 @@ def take_back_at_nodes(f, share, change, p):
 
 @inner
 def take_change(change, newton_tol, rounding, scales, p):
-    """Subtract a change (d s,) from p (d, s); return its largest ratio to the tolerance (d,).
-
-    The tolerance counts as at least the rounding error of p. It consists of p's own, of `rounding`
-    (d,), and of that of a linear system in units of the `scales` (d,), which mixes all changes.
-    """
+    """Subtract a change (d s,) from p (d, s); return its largest ratio to the tolerance (d,)."""
+    # at least the rounding of p: its own, rounding (d,), and that of a linear system in units of
+    # scales (d,), which mixes all changes
     size, mixed, s = 0.0, 0.0, p.shape[1]
     for c in range(p.shape[0] if p.shape[0] > 1 else 0):
         mixed = max(mixed, largest_of(change, c * s, s) / scales[c])
@@ -441,12 +400,9 @@ def take_change(change, newton_tol, rounding, scales, p):
 
 @inner
 def contraction_rate(size, previous, h, contraction):
-    """Return the contraction rate of Newton's method, the ratio of two successive changes.
-
-    `size` and `previous` are the last two changes, in units of the tolerance. The rate of two
-    changes is recorded in `contraction`. After the first change `previous` is infinite, and the
-    rate is estimated from earlier steps.
-    """
+    """Return the contraction rate of Newton's method, the ratio of two successive changes."""
+    # In units of the tolerance; it is recorded in contraction. After the first change, with
+    # previous infinite, it is estimated from earlier steps.
     contraction.last = size
     if previous < np.inf:
         rate = size / previous
@@ -461,11 +417,9 @@ def contraction_rate(size, previous, h, contraction):
 
 @inner
 def residuals(m, base, p, x, f):
-    """Set `m.workspace.residual` (d s,) to p - base - integrals at the nodes; that of 0 = f is -f.
-
-    p, x (= y) and f (d, s) are values at the nodes. `base` (R, s) is the known part of the rows.
-    Residuals are ordered by component c, then by node i.
-    """
+    """Set `m.workspace.residual` (d s,): p - base - integrals at the nodes, or -f for 0 = f."""
+    # By component, then by node; p, x (= y) and f (d, s) at the nodes. base (R, s): known part of
+    # the rows.
     kinds, columns, out, (d, s) = (
         m.equations.kinds,
         m.operators.columns,
@@ -495,13 +449,10 @@ def residuals(m, base, p, x, f):
 
 @inner
 def solve_tangent_stages(m, h):
-    """Solve a step of length h, linearised along the orbit, for the tangents; False if it fails.
-
-    `m.workspace.values` gets f, p and y of the k tangents at the nodes, in columns 1 to k. Column 0
-    must have the solution of the orbit already. If components are few, Newton's matrix is
-    factorised anew with the Jacobian at each node, and one iteration is exact. If they are many,
-    the factors of the orbit are used, and iterations continue until they converge.
-    """
+    """Solve a step of length h, linearised along the orbit, for the tangents; False if it fails."""
+    # m.workspace.values gets f, p and y of the k tangents in columns 1 to k; column 0 has the
+    # orbit's. Few components factorise the matrix anew, with a Jacobian at each node, and one
+    # iteration is exact. Many use the factors of the orbit, and iterate until they converge.
     workspace, values = m.workspace, m.workspace.values
     x_start, jacobians = m.orbit.x, m.workspace.jacobians
     s, few, of_orbit = values.shape[3], m.stages.jacobians.shape[0] > 1, m.stages.jacobians

@@ -59,10 +59,7 @@ def _relative(rtol: Any) -> float:
 
 
 def _absolute(atol: Any, n: int) -> float | tuple[float, ...]:
-    """Return the checked absolute tolerance: a number, or a tuple with one for each component.
-
-    n is the number of components of y.
-    """
+    """Return the checked absolute tolerance: a number, or a tuple for each of n components."""
     if not isinstance(atol, list | tuple) and np.ndim(atol) == 0:
         return positive("atol", atol)
     values = real_array("atol", atol)
@@ -88,10 +85,8 @@ def open_adaptive(
     allow_change: bool,
     directions: np.ndarray | None,
 ) -> tuple[AdaptiveStepper, float]:
-    """Return an `AdaptiveStepper` at the start of a run, or at `state` if one is given; and t_end.
-
-    `how` is the `Tolerance` of the run. `directions` are those of the tangents' initial values.
-    """
+    """Return an `AdaptiveStepper` at the start of a run, or at `state`; and t_end."""
+    # directions: of the tangents' initial values
     if state is None:
         check_start(system, t_end, how.rtol, how.atol)
     stepper = AdaptiveStepper(system, scheme, t_end, how, directions)

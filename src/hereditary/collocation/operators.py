@@ -19,12 +19,9 @@ ITSELF = -1
 
 @inner
 def assemble_operators(h, equations, rule, local, operators):
-    """Assemble the matrices from nodal values to all rows for a step of length h.
-
-    `local` (n_k, s, s) are the convolutions with n_k general kernels and varying orders over this
-    step. The integrand p' is the derivative of the polynomial through p at the start and at the
-    nodes.
-    """
+    """Assemble the matrices from nodal values to all rows for a step of length h."""
+    # local (n_k, s, s): convolutions with n_k general kernels and varying orders over it. p' is the
+    # derivative of the polynomial through p at the start and at the nodes.
     # integrals (n_a, s, s): of n_a fractional orders; inverse (s, s): of the integrals of order 1
     integrals, inverse, implicit = rule.integrals, rule.inverse, equations.implicit
     matrices, start_weights, constant = (
@@ -76,10 +73,8 @@ def assemble_operators(h, equations, rule, local, operators):
 
 @inner
 def set_columns(operators):
-    """Set the fields of `Operators` that follow from its matrices: columns, alone and sums.
-
-    Products with the transposed matrices, `columns`, are vectorised.
-    """
+    """Set the fields of `Operators` that follow from its matrices: columns, alone and sums."""
+    # products with the transposed matrices, columns, are vectorised
     matrices, columns, alone, sums = (
         operators.matrices, operators.columns, operators.alone, operators.sums
     )  # fmt: skip
@@ -125,11 +120,8 @@ def number_of(kinds):
 
 @inner
 def set_implicit_row(n_kinds, c, divisor, matrices):
-    """Set the row of p for an implicit kind: p plus right-hand side minus terms.
-
-    The difference is divided by the coefficient of p in the terms at the last node. `divisor` is
-    the least number by which it is divided. c is the number of the kind.
-    """
+    """Set the row of p for an implicit kind c: p plus right-hand side minus terms."""
+    # the difference is over the coefficient of p in the terms at the last node, at least divisor
     s = matrices.shape[2]
     size = max(abs(matrices[n_kinds + c, PRIMARY, s - 1, s - 1]), divisor)
     for i in range(s):
@@ -173,11 +165,9 @@ def eliminate_known(kinds, matrices, known):
 
 @inner
 def subtract_from_forces(kinds, matrices, known, values):
-    """Subtract the terms of rows d + c from f at the nodes, for each column of orbit and tangents.
-
-    `values` (n_columns, n_q, d, s) are the integrands at the nodes; f in it is changed. `known`
-    (n_columns, R, s) is the known part of the rows.
-    """
+    """Subtract the terms of rows d + c from f at the nodes, for the orbit and tangents."""
+    # values (n_columns, n_q, d, s): integrands at the nodes, f of which is changed; known
+    # (n_columns, R, s): known part of the rows
     d, n_kinds = kinds.shape[0], number_of(kinds)
     for column in range(values.shape[0]):
         for c in range(known.shape[1] - d):

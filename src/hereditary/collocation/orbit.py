@@ -31,40 +31,20 @@ from .structures import Equations, OrbitArrays
 
 
 class OrbitAndTangents:
-    """Arrays whose first axis runs over the orbit and k tangents.
-
-    Parameters
-    ----------
-    form : Form
-    y0 : ndarray, shape (1 + k, m, d)
-        Initial values of the orbit and their derivatives along each direction.
-    n_nodes : int
-        Number of nodes of an ordinary step.
-
-    Attributes
-    ----------
-    x, p : ndarray, shape (1 + k, d)
-        Present values of y and of the primary unknown.
-    initial, offsets : ndarray, shape (1 + k, d) and (1 + k, n)
-        `initial` is p(0) plus the content of modes of rate 0, or 0 if the row of p is implicit.
-        `offsets` are the constants subtracted from the integrands of the n convolution terms in
-        later steps.
-    modes, before : ndarray, shape (1 + k, R, M)
-        Modes of each row at the present time and at the start of the last step. Varying orders have
-        modes without weights in d further rows for each of their integrands, which come last. The M
-        modes are ordered as in `bank`.
-    last : ndarray, shape (1 + k, 3 or 4, d, s)
-        f, p and y, and p' where it is an integrand, at the nodes of the last ordinary step.
-    sums : Modes
-        The sums of exponentials; its fields power_laws, kernels, varying, bank, weights, masses and
-        of_varying are attributes of the orbit as well.
-    """
+    """Arrays whose first axis runs over the orbit and k tangents."""
 
     _singular: tuple[Variable, np.ndarray] | None
     _prefitted: tuple[float, KernelBasis] | None
     _equations: tuple[System, Equations, bool] | None
 
     def __init__(self, form: Form, y0: np.ndarray, n_nodes: int) -> None:
+        # y0 (1 + k, m, d); x, p (1 + k, d): present y and primary unknown. initial (1 + k, d): p(0)
+        # plus modes of rate 0, or 0 if the row of p is implicit. offsets (1 + k, n): subtracted
+        # from the integrands of n terms in later steps. modes, before (1 + k, R, M): now and at the
+        # start of the last step, ordered as in bank; varying orders have some without weights in d
+        # further rows, the last ones, for each integrand. last (1 + k, 3 or 4, d, s): f, p, y, and
+        # p' where it is an integrand, at the nodes of the last ordinary step. Fields of sums,
+        # `Modes`, are attributes as well.
         self._form = form
         n_columns, _, d = y0.shape
         self.x = y0[:, 0].copy()
@@ -81,10 +61,8 @@ class OrbitAndTangents:
         self._take(no_modes(len(form.varying), n_nodes))
 
     def _of_terms(self, constants: np.ndarray) -> np.ndarray:
-        """Return the constant subtracted from the integrand of each term, (1 + k, n).
-
-        `constants` (3, 1 + k, d) has the candidates 0, p(0) and y(0) for each component.
-        """
+        """Return the constant subtracted from the integrand of each term, (1 + k, n)."""
+        # constants (3, 1 + k, d): 0, p(0) and y(0) of each component
         components = self._form.terms["row"] % constants.shape[2]
         return np.ascontiguousarray(constants[self._form.offset_of, :, components].T)
 
@@ -99,10 +77,8 @@ class OrbitAndTangents:
         return max(self.power_laws.closest, self.varying.closest)
 
     def __getstate__(self) -> dict[str, Any]:
-        """Return the attributes for pickling.
-
-        The form is left out because its functions may not pickle, and what `adopt` makes again.
-        """
+        """Return the attributes for pickling."""
+        # without the form, whose functions may not pickle, and what `adopt` makes again
         left_out = ("sums", "bank", "weights", "masses", "of_varying", "_form", "_equations")
         return {name: value for name, value in vars(self).items() if name not in left_out}
 
@@ -128,11 +104,9 @@ class OrbitAndTangents:
         t_end: float,
         least: tuple[np.ndarray, np.ndarray, np.ndarray],
     ) -> tuple[Equations, bool]:
-        """Return the integral equations of the system as `Equations`, and if any offset is not 0.
-
-        The run ends at t_end. `least` has the fields `sources`, `least` and `divisors`. The
-        equations are made once for a system, and again after a jump, which changes the offsets.
-        """
+        """Return `Equations` of a system, and if any offset is not 0, for a run to t_end."""
+        # least: fields sources, least and divisors. Made once for a system, and again after a jump,
+        # which changes the offsets.
         known = self._equations
         if known is None or known[0] is not system or known[1].offsets is not self.offsets:
             form = self._form
@@ -167,10 +141,8 @@ class OrbitAndTangents:
     def prefit_kernels(
         self, closest: float, farthest: float, t_end: float, tol: float
     ) -> KernelErrors:
-        """Fit all general kernels before the run if any is given by values; return the errors.
-
-        The arguments are those of `open_modes`. Without such a kernel, nothing is fitted.
-        """
+        """Fit all general kernels before the run if any is given by values; return the errors."""
+        # arguments as of `open_modes`
         if not any(kernel.by_values for kernel in self._form.kernels):
             return NO_ERRORS
         closest = _round_to_decades(closest, farthest)
@@ -179,10 +151,8 @@ class OrbitAndTangents:
         return found.errors
 
     def open_modes(self, closest: float, farthest: float, t_end: float, tol: float) -> None:
-        """Fit all kernels for time lags `closest` to `farthest`; set the modes to those at t = 0.
-
-        `t_end` is the largest time lag of kernels given by values, and `tol` the relative error.
-        """
+        """Fit kernels for time lags `closest` to `farthest`; set the modes to those at t = 0."""
+        # t_end: largest time lag of kernels given by values; tol: relative error
         closest = _round_to_decades(closest, farthest)
         how = self._form, self.last.shape[3], closest, farthest, t_end, tol
         if not self._prefitted:
@@ -206,10 +176,8 @@ class OrbitAndTangents:
             self.modes[:, row, modes] += np.multiply.outer(self.x[:, c], self.of_varying[modes])
 
     def finish_singular_start(self, variable: Variable, length: float, values: np.ndarray) -> None:
-        """Advance the modes to the end of the first step after a singular start.
-
-        `values` (1 + k, 3, d, n) are f, p and y at the n nodes of this step, `length` its length.
-        """
+        """Advance the modes to the end of the first step after a singular start."""
+        # values (1 + k, 3, d, n): f, p and y at the n nodes of this step
         self.last_length, self.since, self._singular = length, length, (variable, values)
         self._last_offsets = self.offsets
         rates = self.power_laws.rates
@@ -221,10 +189,8 @@ class OrbitAndTangents:
         self.modes = self._advanced(self.before)
 
     def shift(self, change: np.ndarray) -> None:
-        """Add `change` (d,) to y of the orbit, and to p(0) and y(0), to which the memory refers.
-
-        Changing these as well keeps the jump out of the memory.
-        """
+        """Add `change` (d,) to y of the orbit, and to p(0) and y(0), to which the memory refers."""
+        # p(0) and y(0) change as well to keep the jump out of the memory
         of_p = np.where(self._form.above_one == 1, 0.0, change)
         constants = np.array([0 * change, of_p, change])[:, None]
         self.x[0] += change
@@ -242,10 +208,7 @@ class OrbitAndTangents:
         self.p, self.x = p, x
 
     def refine(self, closest: float) -> None:
-        """Refine the modes down to the time lag `closest`.
-
-        The added modes decay so fast that they contain only the last step.
-        """
+        """Refine the modes down to the time lag `closest`; new ones contain only the last step."""
         n, end = self.power_laws.rates.size, self.bank.n_real
         power_laws, varying = self.power_laws.refine(closest), self.varying
         if self._form.varying:
@@ -264,11 +227,8 @@ class OrbitAndTangents:
             self.modes[..., added] = self._advanced(np.zeros_like(self.modes))[..., added]
 
     def history(self, log_distances: np.ndarray) -> np.ndarray:
-        """Return the history of every row at n later times, (1 + k, R, n), without p(0).
-
-        `log_distances` (n,) are the logarithms of the times after the present. The times themselves
-        may be smaller than any float.
-        """
+        """Return the history of every row at n later times, (1 + k, R, n), without p(0)."""
+        # log_distances (n,): logarithms of times from now, which may be smaller than any float
         distances = np.exp(log_distances)
         base = np.zeros((len(self.x), self._form.n_rows, distances.size))
         if self.last_length == 0.0:
@@ -292,11 +252,9 @@ class OrbitAndTangents:
     def _over_last_step(
         self, k: int, log_u: np.ndarray, v: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray]:
-        """Return the kernel of order or kernel number k at lags u + v, (n, K), in last steps.
-
-        Also returns its integrals from u to u + `LEFT_OUT`, (n,). Both are multiplied by the length
-        of the last step. The lags u (n,) and v (K,) are over this length.
-        """
+        """Return the kernel of order or kernel number k at lags u + v, (n, K), in last steps."""
+        # Also its integrals from u to u + LEFT_OUT, (n,); both times the length of the last step.
+        # Lags u (n,) and v (K,) are over this length.
         u, h = np.exp(log_u), self.last_length
         lags, ends = np.add.outer(u, v), np.add.outer([LEFT_OUT, 0.0], u)
         if k < self._form.orders.size:
@@ -326,10 +284,7 @@ class OrbitAndTangents:
         return values @ at_rule(variable).T
 
     def _nodal(self) -> tuple[Variable, np.ndarray]:
-        """Return the variable of the last step, which is time itself for an ordinary step.
-
-        Also returns its integrands at the s nodes, (1 + k, n_q, d, s).
-        """
+        """Return the last step's variable, maybe time, and its integrands (1 + k, n_q, d, s)."""
         return self._singular or (Variable(n=self.last.shape[-1]), self.last)
 
     def _advanced(self, modes: np.ndarray) -> np.ndarray:
@@ -352,12 +307,9 @@ class OrbitAndTangents:
 
 
 def _integrals(values: np.ndarray, sampled: np.ndarray, decays: np.ndarray) -> np.ndarray:
-    """Return the integrals of integrands times exponentials by a rule of K points.
-
-    The result is (1 + k, n_q, d, M) for M modes. `values` (1 + k, n_q, d, n) are the integrands at
-    n nodes; `sampled` (n, K) and `decays` (M, K) are those of `OverStep`. The order of the two
-    matrix products depends on the number of integrands, to save operations.
-    """
+    """Return integrals of integrands times exponentials by K points, (1 + k, n_q, d, M)."""
+    # values (1 + k, n_q, d, n) at n nodes; sampled (n, K) and decays (M, K) of `OverStep`. The
+    # order of both products depends on the number of integrands, to save operations.
     nodal = np.ascontiguousarray(values.reshape(-1, values.shape[-1]))
     found = np.empty((nodal.shape[0], decays.shape[0]))
     if nodal.shape[0] < nodal.shape[1]:
@@ -379,12 +331,8 @@ def _round_to_decades(closest: float, farthest: float) -> float:
 def initial_unknowns(
     system: System, above_one: np.ndarray, directions: np.ndarray | None
 ) -> np.ndarray:
-    """Return y(0), and y'(0) if m = 2, of the orbit and of k tangents, shape (1 + k, m, d).
-
-    Each column of `directions` (n_data, k) is the direction of one tangent. Its entries are changes
-    of y(0), then changes of y'(0) for the components of order above 1. `above_one` (d,) is true for
-    these components.
-    """
+    """Return y(0), and y'(0) if m = 2, of the orbit and of k tangents, shape (1 + k, m, d)."""
+    # directions (n_data, k): changes of y(0), then of y'(0) where above_one (d,) is true
     if directions is None:
         return system.y0[None]
     values = np.zeros((1 + directions.shape[1], *system.y0.shape))

@@ -28,17 +28,17 @@ _ROUNDING_OF_SLOPE = 1e-10
 
 @dataclass(frozen=True, eq=False)
 class FirstPiece(Piece):
-    """Dense output on the first step after a singular start.
+    """Dense output on the first step after a singular start."""
 
-    p is a polynomial of degree n in the variable u of `variable`, a power of time.
-    """
+    # p is a polynomial of degree n in the variable u, a power of time; row has p at the n nodes, y
+    # and p (d,) are at the start of the step
 
     variable: Variable
-    start: float  # of the step [time]
-    length: float  # of the step [time]
-    row: np.ndarray  # (d, n), p at the n nodes
-    y: np.ndarray  # (d,), y at the start of the step
-    p: np.ndarray  # (d,), p at the start of the step
+    start: float  # [time]
+    length: float  # [time]
+    row: np.ndarray  # (d, n)
+    y: np.ndarray
+    p: np.ndarray
 
     def edges(self) -> np.ndarray:
         """Return the start time of the step, (1,)."""
@@ -78,10 +78,8 @@ class FirstPiece(Piece):
     def at_ends(
         self, ends: np.ndarray, chosen: Any, above_one: np.ndarray, slopes: bool = True
     ) -> tuple[np.ndarray, np.ndarray]:
-        """Return y and y' at the end of the step, (1, d) each, or (0, d) if it is not `chosen`.
-
-        Without `slopes`, y' is NaN if it is not p.
-        """
+        """Return y and y' at the end of the step, (1, d) each, or (0, d) if it is not `chosen`."""
+        # without slopes, y' is NaN if it is not p
         p, n = self.row[:, -1], self.variable.n
         y, steep = p, np.nan
         if above_one.any():
@@ -113,10 +111,10 @@ class FirstPiece(Piece):
 class PolynomialPieces(Piece):
     """Dense output on n consecutive ordinary steps with s nodes."""
 
-    starts: np.ndarray  # (n,), of the steps [time]
-    lengths: np.ndarray  # (n,), of the steps [time]
-    rows: np.ndarray  # (n, d, s), p at the nodes of each step
-    at_starts: np.ndarray  # (n, 2, d), y and then p at the start of each step
+    starts: np.ndarray  # of each step, (n,) [time]
+    lengths: np.ndarray  # (n,) [time]
+    rows: np.ndarray  # p at the nodes, (n, d, s)
+    at_starts: np.ndarray  # y and then p at the start, (n, 2, d)
 
     def edges(self) -> np.ndarray:
         """Return the start time of each step, (n,)."""
@@ -161,20 +159,16 @@ class PolynomialPieces(Piece):
         return np.where(above_one, self._positions(i, h, values), p)
 
     def _weighted(self, i: np.ndarray, coefficients: np.ndarray) -> np.ndarray:
-        """Return sums of Legendre coefficients of p in the steps i, (k, d), by weights (k, s + 1).
-
-        `coefficients` (k, s + 1) are their factors. p is the polynomial through its values at the
-        start and at the nodes.
-        """
+        """Return sums of Legendre coefficients of p in the steps i, (k, d), by weights."""
+        # coefficients and weights (k, s + 1); p is the polynomial through its values at the start
+        # and at the nodes
         weights = coefficients @ through_start(self.rows.shape[2])
         found = np.einsum("kdj,kj->kd", self.rows[i], weights[:, 1:])
         return found + self.at_starts[i, 1] * weights[:, :1]
 
     def _positions(self, i: np.ndarray, h: np.ndarray, values: np.ndarray) -> np.ndarray:
-        """Return y in the steps i, (k, d), from Legendre polynomials at the times, (k, s + 1).
-
-        It is the integral of the polynomial through p at the nodes alone, so that y is continuous.
-        """
+        """Return y in the steps i, (k, d), from Legendre polynomials at the times, (k, s + 1)."""
+        # the integral of the polynomial through p at the nodes alone, so that y is continuous
         s = self.rows.shape[2]
         weights = values @ (_integrals(s) @ to_legendre(s))
         return self.at_starts[i, 0] + h * np.einsum("kdj,kj->kd", self.rows[i], weights)
@@ -203,27 +197,21 @@ def _at_start(n: int) -> np.ndarray:
 
 @lru_cache(maxsize=16)
 def _end_weights(s: int) -> tuple[float, np.ndarray, np.ndarray]:
-    """Return the weights of p at the start and at the nodes for the end of a step of length 1.
-
-    They give the slope there, a number and (s,), and the integral over the step, (s,).
-    """
+    """Return weights of p at start and nodes for slope and integral to the end of a step of 1."""
+    # a number and (s,) for the slope at the end, (s,) for the integral
     slope = _derivatives(s).sum(axis=0) @ through_start(s)  # all polynomials are 1 at the end
     return slope[0], slope[1:], _integrals(s).sum(axis=0) @ to_legendre(s)
 
 
 @lru_cache(maxsize=16)
 def _derivatives(s: int) -> np.ndarray:
-    """Return the derivatives of the shifted Legendre polynomials P_0 .. P_s, (s, s + 1).
-
-    Column k has the coefficients of the derivative of P_k in terms of P_0 .. P_(s-1).
-    """
+    """Return the derivatives of the shifted Legendre polynomials P_0 .. P_s, (s, s + 1)."""
+    # column k: coefficients of the derivative of P_k in terms of P_0 .. P_(s-1)
     return 2 * legder(np.eye(s + 1))
 
 
 @lru_cache(maxsize=16)
 def _integrals(s: int) -> np.ndarray:
-    """Return the integrals from 0 of the shifted Legendre polynomials P_0 .. P_(s-1), (s + 1, s).
-
-    Column k has the coefficients of the integral of P_k in terms of P_0 .. P_s.
-    """
+    """Return the integrals from 0 of shifted Legendre polynomials P_0 .. P_(s-1), (s + 1, s)."""
+    # column k: coefficients of the integral of P_k in terms of P_0 .. P_s
     return legint(np.eye(s), lbnd=-1) / 2

@@ -45,10 +45,8 @@ def radau_integrals(s: int, a: float) -> np.ndarray:
 
 
 def integrals_of_rows(s: int, a: np.ndarray) -> np.ndarray:
-    """Return the integrals of the node polynomials at the nodes, (..., s, s), with orders a.
-
-    a (..., s) has an order in [0, 1] for each node, to which the integral extends.
-    """
+    """Return the integrals of the node polynomials at the nodes, (..., s, s), with orders a."""
+    # a (..., s): an order in [0, 1] for each node, to which the integral extends
     means = np.einsum("...ik,kij->...ij", _towards(a), _tabulated(s))
     return radau_nodes(s)[:, None] ** a[..., None] * means
 
@@ -92,20 +90,14 @@ def rule_of(s: int, orders: tuple[float, ...]) -> Rule:
 
 @lru_cache(maxsize=16)
 def _slopes(s: int) -> np.ndarray:
-    """Return the inverse of the integrals of order 1, (s, s).
-
-    It maps nodal values of a polynomial that is 0 at the start to its slopes at the nodes.
-    """
+    """Return the inverse of the integrals of order 1, (s, s): to slopes of polynomials from 0."""
     return _frozen(np.linalg.inv(radau_integrals(s, 1.0)))
 
 
 def polynomial_integrals(s: int, a: float, ends: np.ndarray) -> np.ndarray:
-    """Return ``J**a l_j`` at k points `ends` in [0, 1], (k, s), for the node polynomials l_j.
-
-    Integration by parts gives
-    ``J**a l(c) = c**a / Gamma(a+1) (l(0) + int_0^1 (1-u)**a c l'(c u) du)``. The weight (1-u)**a is
-    bounded also as a tends to 0, and the Gauss-Jacobi rule is exact.
-    """
+    """Return ``J**a l_j`` at k points `ends` in [0, 1], (k, s), for the node polynomials l_j."""
+    # By parts, J**a l(c) = c**a / Gamma(a+1) (l(0) + int_0^1 (1-u)**a c l'(c u) du). The weight
+    # (1-u)**a is bounded also as a tends to 0, and the Gauss-Jacobi rule is exact.
     coefficients = to_legendre(s)
     slopes = 2 * leg.legder(coefficients, axis=0)
     x, weights = roots_jacobi(s // 2 + 1, a, 0.0)
@@ -120,10 +112,8 @@ def polynomial_integrals(s: int, a: float, ends: np.ndarray) -> np.ndarray:
 
 @lru_cache(maxsize=16)
 def shortened_legendre(s: int) -> np.ndarray:
-    """Return matrices from values of q at the nodes c_i to Legendre coefficients of u -> q(c_i u).
-
-    The shape is (s, s, s); the first axis is that of node i.
-    """
+    """Return matrices from q at the nodes c_i to Legendre coefficients of q(c_i u), (s, s, s)."""
+    # the first axis is that of node i
     nodes, transform = radau_nodes(s), to_legendre(s)
     return np.array(
         [transform @ leg.legvander(2 * c * nodes - 1, s - 1) @ transform for c in nodes]
@@ -147,17 +137,9 @@ def check_points_of(s: int) -> np.ndarray:
 
 @lru_cache(maxsize=16)
 def check_points(s: int) -> tuple[np.ndarray, ...]:
-    """Return points off the nodes, and the integrals and values of the node polynomials there.
-
-    Returns
-    -------
-    points : ndarray, shape (2,)
-        The start, and the midpoint of the last node but two and the last but one.
-    integrals : ndarray, shape (2, s)
-        Matrix from nodal values to the integral of their polynomial from the start to each point.
-    values_there : ndarray, shape (2, s)
-        Matrix from nodal values to the values of their polynomial at each point.
-    """
+    """Return points off the nodes, and the integrals and values of the node polynomials there."""
+    # points (2,): the start, and the middle of the last node but two and the last but one; matrices
+    # (2, s) from nodal values to integrals from the start, and to values
     points = check_points_of(s)
     values_there = leg.legvander(2 * points - 1, s - 1) @ to_legendre(s)
     found = points, polynomial_integrals(s, 1.0, points), values_there
@@ -165,10 +147,7 @@ def check_points(s: int) -> tuple[np.ndarray, ...]:
 
 
 def legendre_values(x: np.ndarray, degree: int) -> np.ndarray:
-    """Return the Legendre polynomials P_0 .. P_degree at x (n,), shape (degree + 1, n).
-
-    They are exact at x = -1 and x = 1.
-    """
+    """Return Legendre polynomials P_0 .. P_degree at x (n,), (degree + 1, n), exact at -1 and 1."""
     values = np.ones((degree + 1, x.size))
     values[1:2] = x
     _go_up(x, values)
@@ -177,10 +156,8 @@ def legendre_values(x: np.ndarray, degree: int) -> np.ndarray:
 
 @entry(VEC, MAT, allocates=False)
 def _go_up(x: np.ndarray, values: np.ndarray) -> None:
-    """Fill rows 2 to n - 1 of `values` (n, k), Legendre polynomials at x (k,), from rows 0 and 1.
-
-    The same in NumPy takes 50 us, mostly for calls, for the 24 nodes of a first step.
-    """
+    """Fill rows 2 to n - 1 of `values` (n, k), Legendre polynomials at x (k,), from the first."""
+    # NumPy takes 50 us, mostly for calls, for the 24 nodes of a first step
     for k in range(2, values.shape[0]):
         ratio = (k - 1) / k
         for i in range(x.shape[0]):

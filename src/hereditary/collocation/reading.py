@@ -44,19 +44,12 @@ _OF_MEMORY = 0.1
 
 
 class Plain:
-    """Conversion between the equation and the system that a stepper solves, if both are the same.
-
-    Attributes
-    ----------
-    system : System
-        The system that the stepper solves.
-    above_one : ndarray of bool, shape (d,)
-        True for components of y whose first derivative is an unknown.
-    """
+    """Conversion between the equation and the system of a stepper, if both are the same."""
 
     _convolved: list[tuple[int, int, MemoryKernel]]
 
     def __init__(self, system: System) -> None:
+        # above_one (d,): True for components of y whose first derivative is an unknown
         self.system, self.above_one, self._convolved = system, system.above_one, []
 
     def directions(self, directions: np.ndarray | None) -> np.ndarray | None:
@@ -74,13 +67,10 @@ class Plain:
     def least(
         self, t_end: float, error: float, by_size: float
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Return sources, least sizes and divisors of components, fields of `Equations`.
-
-        The last two are 0 but for the memory of kernels. Its least size is a part of what its
-        source makes of it in a run to `t_end`. The part is larger if the kernel rises, or if its
-        sum misses it by an `error` above `by_size`. A step may err by `by_size` of the least size,
-        which covers that error.
-        """
+        """Return sources, least sizes and divisors of components, fields of `Equations`."""
+        # 0 but for memory of kernels, whose least size is a part of what its source makes of it in
+        # a run to t_end. The part is larger if the kernel rises, or if its sum misses it by an
+        # error above by_size: a step may err by by_size of the least size.
         d, share = self.system.d, max(_OF_MEMORY, error / by_size) if by_size else _OF_MEMORY
         sources, least, divisors = np.arange(d), np.zeros(d), np.zeros(d)
         for place, source, kernel in self._convolved:
@@ -101,12 +91,10 @@ class Plain:
 
 
 class Reading(Plain):
-    """Conversion between an equation whose f reads memory and the larger system without memory.
-
-    The n components of the larger system begin with the d components of y.
-    """
+    """Conversion between an equation whose f reads memory and the larger system without memory."""
 
     def __init__(self, system: System) -> None:
+        # the n components of the larger system begin with the d components of y
         found = reduced(system)
         self.system, self.above_one, self._speeds, self._read, self._copies, self._convolved = found
         self._d, self._n_read = system.n_solved, system.d
@@ -152,8 +140,7 @@ class ReadingPiece(Piece):
     """Dense output of y, and perhaps of its tangents, among the components of a larger system."""
 
     inner: Piece
-    # (d,), number of the component that is y' for y of order above 1; others are unused
-    speeds: np.ndarray
+    speeds: np.ndarray  # (d,), number of the component that is y', for orders above 1
 
     def edges(self) -> np.ndarray:
         """Return the start time of each step."""
@@ -170,10 +157,7 @@ class ReadingPiece(Piece):
         )
 
     def _columns(self, t: np.ndarray, above_one: np.ndarray, derivative: int) -> np.ndarray:
-        """Return all n components at k times, of orbit and stored tangents: (k, columns, n).
-
-        Column 0 is the orbit.
-        """
+        """Return all n components of orbit, column 0, and tangents at k times: (k, columns, n)."""
         found = self.inner.evaluate(t, np.zeros(1, dtype=bool), derivative)
         columns = above_one.size // self.speeds.size
         return found.reshape(len(t), columns, found.shape[1] // columns)
@@ -202,19 +186,14 @@ def reduced(system: System) -> Reduced:
 
 
 class _Reduction:
-    """Construction of the system in which further components replace memory.
-
-    F_j is the highest derivative of y_j, or its algebraic right-hand side. The attributes are:
-
-    - `_terms`: (operator, component, coefficient) on the left side; a component without a term has
-      an algebraic row.
-    - `_forces`: pairs (row, j) of a row with F_j on its right side.
-    - `_own`: entries (row, component, factor) of the linear part of the right sides.
-    - `_places`: number of the component that is an operator, or a derivative of some order, of y_j.
-    - `_rows`: row of F_j for each y_j without a derivative.
-    """
+    """Construction of the system in which further components replace memory."""
 
     def __init__(self, system: System) -> None:
+        # F_j: highest derivative of y_j, or its algebraic right-hand side. _terms: (operator,
+        # component, coefficient) on the left side; a component without one has an algebraic row.
+        # _forces: (row, j) of a row with F_j on its right side. _own: (row, component, factor) of
+        # the linear right sides. _places: component that is an operator, or a derivative of some
+        # order, of y_j. _rows: row of F_j for each y_j without a derivative.
         self._system, d = system, system.n_solved
         self._bare = system.algebraic
         self._leading = _leading_orders(system)
@@ -256,10 +235,8 @@ class _Reduction:
         return len(self._starts) - 1
 
     def _derive(self, place: int, order: float, origin: int | None, j: int) -> None:
-        """Add the equation that the derivative of component `place`, of this order, is `origin`.
-
-        If `origin` is None, the derivative is D^alpha y_j.
-        """
+        """Add the equation that the derivative of component `place`, of this order, is `origin`."""
+        # origin None: the derivative is D^alpha y_j
         coefficient = 1.0
         if origin is None and self._bare[j]:
             origin = self._places[j, self._leading[j]]
@@ -284,15 +261,11 @@ class _Reduction:
         return self._places[j, gamma]
 
     def _convolution(self, j: int, operator: KernelOperator) -> int:
-        """Return the number of the component m that is a kernel's convolution with y_j or y_j'.
-
-        Let w be a component that equals the convolved function. Its row is the balance of m and the
-        convolution. The row of m is algebraic: w equals the convolved function. If y_j has an
-        algebraic row itself, w is y_j, and the row of y_j becomes that of m.
-
-        The convolution with a derivative x' is ``m = z'``, where z is the convolution with
-        x - x(0). This difference has an equation of its own, so its relative error is small.
-        """
+        """Return the number of the component m that is a kernel's convolution with y_j or y_j'."""
+        # The row of w, equal to the convolved function, balances m and the convolution. The row of
+        # m is algebraic: w equals that function. If y_j has an algebraic row itself, w is y_j, and
+        # its row becomes that of m. The convolution with x' is m = z', z being that with x - x(0),
+        # which has its own equation, so its relative error is small.
         if (j, operator) in self._places:
             return self._places[j, operator]
         if in_stages(operator):
@@ -324,12 +297,10 @@ class _Reduction:
         return place
 
     def _delayed(self, j: int, kernel: Any) -> int:
-        """Return the number of the component that is a gamma density's convolution with y_j.
-
-        A density of shape n + b is a convolution of the density of shape b and n exponential ones.
-        The former is a tempered power law. Each exponential one is an equation
-        ``x' = rate (before - x)``, where `before` is the result of the previous convolution.
-        """
+        """Return the number of the component that is a gamma density's convolution with y_j."""
+        # A density of shape n + b is a convolution of that of shape b, a tempered power law, and n
+        # exponential ones. Each of these is an equation x' = rate (before - x), before being the
+        # previous result.
         n, rest = kernel.stages
         before, factor = j, 1.0
         if rest > 0:
@@ -387,11 +358,8 @@ def in_stages(operator: Operator) -> bool:
 
 
 def _leading_orders(system: System) -> np.ndarray:
-    """Return the highest order of each component, (d,).
-
-    For a component with an algebraic row it is the highest order of its derivatives that f reads.
-    The row determines this derivative.
-    """
+    """Return the highest order of each component, (d,)."""
+    # for an algebraic row that of its derivatives that f reads, which the row determines
     d, bare = system.n_solved, system.algebraic
     found = system.highest_orders()[:d].copy()
     for operator, coefficients in system.left:

@@ -74,22 +74,10 @@ def trials(
     units: np.ndarray,
     reach: np.ndarray,
 ) -> Iterator[Trial]:
-    """Yield the `Trial` steps from t, until one is accepted.
-
-    Parameters
-    ----------
-    system : System
-    form : Form
-    orbit : OrbitAndTangents
-    t, left, longest, least : float
-        Start, time to the next stop, longest step, and length that every step must exceed.
-    jacobian : ndarray or sparse array, shape (d, d)
-        That of f at the start, or just after it.
-    units : ndarray, shape (d,)
-        Sizes of the components, for the increments of difference quotients of f.
-    reach : ndarray, shape (d,)
-        What other components could make of each during the run (compiled/reach.py).
-    """
+    """Yield the `Trial` steps from t, until one is accepted."""
+    # left: time to the next stop; least: length that every step must exceed. jacobian (d, d): of f
+    # at the start, or just after it; units (d,): increments of its differences. reach (d,): what
+    # other components could make of each during the run (compiled/reach.py).
     just_after = system.beside(t, 1) if t > 0 else 0.0
     smallest = form.generators[0]
     # steps before a jump by y are short, however far the last singularity is
@@ -137,10 +125,8 @@ def _plain(form: Form) -> tuple[float, list[tuple[tuple[float, ...], Variable, f
 
 
 def _trials_at_edge(system: System, form: Form, most: float, *at: Any) -> Iterator[Trial]:
-    """Yield the trial steps from an edge, or none if there is none; `at` as in `begins_at_edge`.
-
-    There the exponents of time are those of the balance of f, which are not known.
-    """
+    """Yield the trial steps from an edge, or none if there is none; `at` as in `begins_at_edge`."""
+    # exponents of time are those of the balance of f there, which are not known
     if system.d > _MOST_AT_EDGE or not begins_at_edge(system, *at):
         return
     by_generators = Variable.of(form.generators)._replace(n=_NODES_AT_EDGE)
@@ -165,11 +151,9 @@ def _bent(generators: tuple[float, ...], c: float) -> Variable:
 
 
 def _rate_of_terms(form: Form, exponent: float) -> float:
-    """Return the rate of terms that are integrals of p of this small order; 0 if there are none.
-
-    With orders 1.00001 and 1, y' is nearly y'(0) / (1 + c t**1e-5). The rate is the ratio c of the
-    coefficients.
-    """
+    """Return the rate of terms that are integrals of p of this small order; 0 if there are none."""
+    # with orders 1.00001 and 1, y' is nearly y'(0) / (1 + c t**1e-5): the rate is c, a ratio of
+    # coefficients
     powers = (form.terms["index"] >= 0) & (form.terms["index"] < form.orders.size)
     terms = form.terms[powers & (form.terms["integrand"] == PRIMARY)]
     terms = terms[np.abs(form.orders[terms["index"]] - exponent) <= 1e-9 * exponent]
@@ -182,10 +166,8 @@ def _rate_of_terms(form: Form, exponent: float) -> float:
 
 
 def _order(form: Form) -> float:
-    """Return the smallest order by which f is integrated, at least 0.1.
-
-    Smaller orders do not give useful lengths of steps.
-    """
+    """Return the smallest order by which f is integrated, at least 0.1."""
+    # smaller orders do not give useful lengths of steps
     forces = form.terms[form.terms["integrand"] == FORCE]
     orders = form.orders[forces["index"]] + form.above_one[forces["row"]]
     return max(float(orders.min()), 0.1) if orders.size else 1.0
@@ -194,13 +176,10 @@ def _order(form: Form) -> float:
 def _rate_of_many(
     jacobian: Any, leading: np.ndarray, sizes: np.ndarray, vectors: tuple[np.ndarray, ...]
 ) -> float:
-    """Return an estimate of the rate at which many components change just after the start.
-
-    It is the largest of |J v| / |v| for some vectors v (d,), the changes of y and y'. J (d, d) is
-    the Jacobian of f over the `leading` coefficients (d,). Norms are largest entries over `sizes`
-    (d,). For a partial differential equation with smooth initial data, this rate does not grow on
-    finer meshes.
-    """
+    """Return an estimate of the rate at which many components change just after the start."""
+    # The largest |J v| / |v| for changes v (d,) of y and y', J (d, d) being the Jacobian over
+    # leading (d,). Norms are largest entries over sizes (d,). With smooth initial data of a partial
+    # differential equation it does not grow on finer meshes.
     rows, columns = jacobian.nonzero()
     entries, rates = np.abs(jacobian[rows, columns]), [0.0]
     with np.errstate(over="ignore", invalid="ignore"):

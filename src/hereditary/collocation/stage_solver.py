@@ -42,21 +42,16 @@ class StageSolver(NamedTuple):
 
 
 def has_stages(form: Form) -> bool:
-    """Return whether steps of these equations reuse the factors of one Jacobian for all stages.
-
-    They do so for many components. For few components a factorisation takes no longer than a
-    solution.
-    """
+    """Return whether steps reuse the factors of one Jacobian for all stages."""
+    # for many components: for few a factorisation takes no longer than a solution
     return form.above_one.size > FEW
 
 
 def stage_solver(
     structure: Structure | None, form: Form, s: int, at_edge: bool = False
 ) -> StageSolver:
-    """Return the `StageSolver` of steps with s nodes, for the equations `form`.
-
-    A step from an edge, `at_edge`, has a dense Jacobian at each node; `structure` is None then.
-    """
+    """Return the `StageSolver` of steps with s nodes, for the equations `form`."""
+    # at_edge: a dense Jacobian at each node, structure None
     few = at_edge or not has_stages(form)
     eigenvectors = 0 if few or form.kinds.any() else lapack_address("dgeev")
     if eigenvectors == 0:
@@ -94,10 +89,8 @@ def stage_solver(
 
 
 def _joint_solver(structure: Structure | None, form: Form, s: int, few: bool) -> StageSolver:
-    """Return the `StageSolver` for few components, or for components with different terms.
-
-    If components are few, each node has a Jacobian. There is a single system of all d s unknowns.
-    """
+    """Return the `StageSolver` for few components, or for components with different terms."""
+    # one system of all d s unknowns; few components have a Jacobian at each node
     d, n = form.above_one.size, form.above_one.size * s
     if structure is None:
         return _solver(
@@ -143,10 +136,7 @@ def _joint_solver(structure: Structure | None, form: Form, s: int, few: bool) ->
 def _solver(
     function: Any, form: Form, s: int, held: Any = None, *, order: np.ndarray, **given: Any
 ) -> StageSolver:
-    """Return a `StageSolver` of a compiled function, whose `Stages` has the given fields.
-
-    Optional fields that are not given are empty arrays or 0.
-    """
+    """Return a `StageSolver` of a compiled function, whose other `Stages` fields are empty or 0."""
     n, d = int(form.kinds.max()) + 1, form.kinds.size
     stages = zeros(Stages, n=n, d=d, s=s, n_c=N_CONTROL)
     stages.above_one[form.kinds] = form.above_one

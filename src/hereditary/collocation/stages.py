@@ -56,11 +56,8 @@ _SCALING = ord("S")
 
 @inner(allocates=True)
 def diagonalise_stages(stage):
-    """Set the eigenvalues of M^-1 G and the transforms to and from its eigenvectors.
-
-    Of each conjugate pair one eigenvalue is stored. Returns False if M or the matrix of
-    eigenvectors is singular.
-    """
+    """Set the eigenvalues of M^-1 G and the transforms to and from its eigenvectors."""
+    # one of each conjugate pair; False if M or the matrix of eigenvectors is singular
     s = stage.integral.shape[0]
     pencil = np.empty((3, s, s))
     set_pencil(stage.matrices[0], stage.integral, stage.above_one[0], pencil)
@@ -122,12 +119,9 @@ def set_product(a, b, out):
 
 @inner(allocates=True)
 def eigenvectors(lapack, matrix, values, imaginary, vectors):
-    """Compute eigenvalues and right eigenvectors of a matrix (s, s) by LAPACK; False if it fails.
-
-    `values` and `imaginary` (s,) get the real and imaginary parts of the eigenvalues. The rows of
-    `vectors` (s, s) get the eigenvectors. Of a conjugate pair the eigenvalue above the real axis
-    comes first. Its eigenvector fills two rows: the real part, then the imaginary part.
-    """
+    """Compute eigenvalues and right eigenvectors of a matrix (s, s) by LAPACK, or return False."""
+    # values, imaginary (s,): parts of eigenvalues, that above the real axis first; rows of vectors
+    # (s, s): eigenvectors, of a pair its real and imaginary part
     s = values.shape[0]
     for i in range(s):
         for k in range(s):
@@ -179,12 +173,9 @@ def no_stages(task, values, stage):
 
 @plug_in
 def dense_stages(task, values, stage):
-    """Factorise all decoupled systems of a dense Jacobian J, or solve them; return 0 on success.
-
-    The solution replaces the right-hand side in the nodal `values` (d, s). J is reduced once to
-    Hessenberg form, ``D^-1 J D = Q H Q^T`` with diagonal D. Each system then takes O(d**2)
-    operations.
-    """
+    """Factorise all decoupled systems of a dense Jacobian J, or solve them; return 0 on success."""
+    # The solution replaces the nodal values (d, s). J is reduced once to Hessenberg form, D^-1 J D
+    # = Q H Q^T, D diagonal; each system then takes O(d**2) operations.
     # dense (2 + 2 K, n, n): H, Q, then the real and the imaginary part of each system's factors,
     # with the multipliers on the subdiagonal. factors (K, 1, n): 1 where rows were exchanged.
     n = stage.order.shape[0]
@@ -213,11 +204,8 @@ def dense_stages(task, values, stage):
 
 @inner(allocates=True)
 def reduce(stage):
-    """Reduce a dense J to Hessenberg form H, ``D^-1 J D = Q H Q^T``; False if J is not finite.
-
-    D is diagonal: the scales of components times powers of 2 that balance rows and columns. LAPACK
-    computes all three matrices.
-    """
+    """Reduce a dense J to Hessenberg form H, ``D^-1 J D = Q H Q^T``; False if J is not finite."""
+    # D: scales of components times powers of 2 that balance rows and columns; all by LAPACK
     n = stage.order.shape[0]
     h, q, scales = stage.dense[0], stage.dense[1], stage.scales
     for i in range(n):
@@ -252,11 +240,9 @@ def reduce(stage):
 
 @inner
 def eliminate(shift, h, real, imaginary, exchanged):
-    """Factorise the complex matrix ``1 - shift H``, H Hessenberg; return False if it is singular.
-
-    `real` and `imaginary` (n, n) get the upper factor, with inverted pivots, and the multipliers on
-    the subdiagonal. `exchanged` (n,) is 1 where row j was exchanged with row j + 1.
-    """
+    """Factorise the complex matrix ``1 - shift H``, H Hessenberg; False if it is singular."""
+    # real, imaginary (n, n): upper factor with inverted pivots, multipliers on the subdiagonal;
+    # exchanged (n,): 1 where row j was exchanged with row j + 1
     n = h.shape[0]
     set_shifted_row(0, shift, h, real, imaginary)
     for j in range(n):
@@ -314,10 +300,7 @@ def substitute_hessenberg(real, imaginary, exchanged, x):
 
 @inner(reorders=True)
 def complex_dot(real, imaginary, x_real, x_imaginary, first, end):
-    """Return the real and the imaginary part of ``sum_k a_k x_k`` for first <= k < end.
-
-    Both complex vectors are given by their real and imaginary parts.
-    """
+    """Return the real and the imaginary part of ``sum_k a_k x_k`` for first <= k < end."""
     a, b = 0.0, 0.0
     c, d = real[first:end], imaginary[first:end]
     x, y = x_real[first:end], x_imaginary[first:end]
@@ -329,10 +312,8 @@ def complex_dot(real, imaginary, x_real, x_imaginary, first, end):
 
 @plug_in
 def banded_stages(task, values, stage):
-    """Factorise all decoupled systems of a banded Jacobian, or solve them; return 0 on success.
-
-    The solution replaces the right-hand side in the nodal `values` (d, s).
-    """
+    """Factorise all decoupled systems of a banded Jacobian, or solve them; return 0 on success."""
+    # the solution replaces the nodal values (d, s)
     # factors (K, n, 2 lower + upper + 2): K systems of n components, layout as `set_band`
     n, place, lower, upper = stage.order.shape[0], stage.order, stage.lower, stage.upper
     if task == FACTORISE:
@@ -375,11 +356,8 @@ def scaled_entries(stage):
 
 @plug_in
 def sparse_stages(task, values, stage):
-    """Factorise all decoupled systems of a sparse Jacobian, or solve them; return 0 on success.
-
-    Compiled code calls a sparse solver in Python. The solution replaces the right-hand side in the
-    nodal `values` (d, s).
-    """
+    """Factorise all decoupled systems of a sparse Jacobian, or solve them; return 0 on success."""
+    # by a sparse solver in Python; the solution replaces the nodal values (d, s)
     n, found = stage.order.shape[0], np.zeros(values.shape)
     if task == FACTORISE and not diagonalise_stages(stage):
         return 1
@@ -415,12 +393,9 @@ def linear_solver(stage):
 
 @inner
 def stage_matrix(stage, h, jacobians, at_nodes, out):
-    """Set `out` (d s, d s) to the derivative of the residuals with respect to p at the nodes.
-
-    Unknowns are ordered by component c, then by node i. Residuals and p are divided by the scales
-    of their components. `jacobians` (m, d, d) is one for all nodes, m = 1, or one for each node,
-    m = s. The integrals of p over the step of length h are ``h * stage.integral``.
-    """
+    """Set `out` (d s, d s) to the derivative of the residuals with respect to p at the nodes."""
+    # By component, then by node; residuals and p are over the scales of components. jacobians (m,
+    # d, d): m = 1 for all nodes, or s. Integrals of p over the step are h stage.integral.
     # at_nodes (>= s,) is a work array
     matrices, kinds, integral = stage.matrices, stage.kinds, stage.integral
     above_one, scales = stage.above_one, stage.scales
@@ -449,11 +424,8 @@ def stage_matrix(stage, h, jacobians, at_nodes, out):
 
 @inner
 def set_pencil(own, integral, is_speed, out):
-    """Set the matrices M and G of one kind, for residuals ``M x_c - sum_e J_ce G x_e``.
-
-    x_c (s,) are the unknowns of component c of this kind. One G acts on components x_e whose
-    unknown is y, a second G on those whose unknown is y'.
-    """
+    """Set the matrices M and G of one kind, for residuals ``M x_c - sum_e J_ce G x_e``."""
+    # x_c (s,): unknowns of component c; one G for x_e whose unknown is y, another for y'
     # own (3, s, s): matrices of f, p and y of the kind. integral (s, s): integrals to each node.
     # out (3, s, s): indexed by OF_VALUES, OF_SPEEDS and REST.
     force, place, s = own[FORCE], own[POSITION], integral.shape[0]
@@ -489,10 +461,8 @@ def set_entries(stage):
 
 @inner
 def set_scales(state, sizes, stage):
-    """Set scales of components to powers of 2: of the sizes (d,) to which they seem to grow.
-
-    A component without a size has the smallest scale: what it drives may be small.
-    """
+    """Set scales of components to powers of 2: of the sizes (d,) to which they seem to grow."""
+    # a component without a size has the smallest scale: what it drives may be small
     scales, least = stage.scales, np.inf
     for c in range(sizes.shape[0]):
         scales[c] = max(sizes[c], min(state.reach[c], state.growth[c]))
@@ -513,10 +483,8 @@ def scale(stage, values, inverse):
 
 @inner
 def substitute_scaled(matrix, order, scales, b, x):
-    """Solve for x (d s,) by the factors of a scaled matrix; b (d s,) is the right-hand side.
-
-    The matrix is that of residuals and unknowns divided by the scales (d,), which are powers of 2.
-    """
+    """Solve for x (d s,) by the factors of a scaled matrix; b (d s,) is the right-hand side."""
+    # residuals and unknowns of it are over the scales (d,), powers of 2
     s = b.shape[0] // scales.shape[0]
     for c in range(scales.shape[0]):
         inverse = 1.0 / scales[c]
@@ -531,10 +499,8 @@ def substitute_scaled(matrix, order, scales, b, x):
 
 @plug_in
 def joint_dense(task, values, stage):
-    """Factorise the single dense system of all stages, or solve it; return 0 on success.
-
-    The solution replaces the right-hand side in the nodal `values` (d, s).
-    """
+    """Factorise the single dense system of all stages, or solve it; return 0 on success."""
+    # the solution replaces the nodal values (d, s)
     # joint (n, n), n = d s: the matrix, then its factors; dense (1, 2, n): order of the rows, and a
     # work array
     order, workspace, matrix = stage.dense[0, 0], stage.dense[0, 1], stage.joint
@@ -550,10 +516,7 @@ def joint_dense(task, values, stage):
 
 
 def joint_stages(name: str, solver: Any) -> Any:
-    """Return a compiled function that solves the single system of all stages by `solver`.
-
-    `solver` is one for banded or sparse matrices, and `name` is the name of the new function.
-    """
+    """Return a function `name` that solves all stages at once by a banded or sparse `solver`."""
 
     def solve(task, values, stage):
         if task == FACTORISE:

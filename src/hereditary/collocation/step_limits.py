@@ -27,24 +27,10 @@ _MOST_STEPS = 1e7
 
 
 class StepLimits:
-    """Step limits of one run, and detection of a run that makes no progress.
-
-    Parameters
-    ----------
-    max_step : float
-        Longest step [time]; may be infinite.
-    max_steps : int
-        Largest number of steps.
-
-    Attributes
-    ----------
-    longest : tuple of float
-        The longest step, and the longest step while the solution is at rest [time].
-    last_step : int
-        Number of the last step allowed, counted from t = 0.
-    """
+    """Step limits of one run, and detection of a run that makes no progress."""
 
     def __init__(self, max_step: float, max_steps: int) -> None:
+        # longest: step, and step while the solution is at rest [time]. last_step: from t = 0 on.
         self._max_step, self._max_steps = max_step, max_steps
         self.longest, self.last_step = (0.0, 0.0), 0
         self._slow: list[float] = []
@@ -85,21 +71,10 @@ class StepLimits:
         at_starts: np.ndarray,
         sizes: np.ndarray,
     ) -> bool:
-        """Return whether steps stay short although the solution hardly changes.
-
-        Parameters
-        ----------
-        since, t : float
-            Times of the start and the end of the last batch of steps.
-        earlier, counts : np.void
-            Counts of the march at these times.
-        t_stop : float
-            Time to which the march goes.
-        at_starts : ndarray, shape (n, 2, d)
-            y and p at the starts of the n steps of the batch.
-        sizes : ndarray, shape (2, d)
-            Sizes of y and p to which the tolerance is relative.
-        """
+        """Return whether steps stay short although the solution hardly changes."""
+        # From since to t, in a batch of n steps on the way to t_stop; earlier and counts: the
+        # march's then and now. at_starts (n, 2, d): y and p at starts of steps; sizes (2, d): those
+        # of the tolerance.
         accepted, rejected = (
             counts["accepted"] - earlier["accepted"],
             counts["rejected"] - earlier["rejected"],

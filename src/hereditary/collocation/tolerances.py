@@ -124,19 +124,13 @@ class ErrorPolicy(NamedTuple):
         )
 
     def estimate(self, largest: float) -> float:
-        """Return the estimated relative error of a damped run, from the largest one of a step.
-
-        `largest` is relative to the tolerance of a step.
-        """
+        """Return a damped run's relative error, from the largest of a step over tolerance."""
         return max(largest, STEP_FRACTION) * self.rtol
 
 
 def undamped(estimate: float, of_fit: float, moved: float, n_steps: int) -> float:
-    """Return the estimated relative error of a run in which errors add up.
-
-    `estimate` is that of a damped run, `of_fit` the error of the fit of the modes. By `moved` y
-    moves, in sizes of y.
-    """
+    """Return the estimated relative error of a run in which errors add up."""
+    # estimate: of a damped run; of_fit: error of the modes' fit; moved: way of y, in sizes of y
     return float(estimate + _OF_MODES * of_fit * moved + _ROUNDING_PER_STEP * n_steps)
 
 
@@ -148,10 +142,7 @@ def least_size(state, c):
 
 @inner
 def raise_to_least(equations, state, sizes):
-    """Raise the sizes of components, (d,), to their least ones, which follow from those of others.
-
-    Returns whether any size is still 0.
-    """
+    """Raise sizes (d,) to their least ones, by those of others; return whether any is still 0."""
     begins = False
     for c in range(sizes.shape[0]):
         sizes[c] = max(sizes[c], least_size(state, c))
@@ -163,10 +154,8 @@ def raise_to_least(equations, state, sizes):
 
 @inner
 def raise_sizes(values, sizes):
-    """Raise `sizes` (d,) to the largest |y| at the nodes; return whether any doubled.
-
-    `values` (n_q, d, s) has y in it.
-    """
+    """Raise `sizes` (d,) to the largest |y| at the nodes; return whether any doubled."""
+    # values (n_q, d, s) has y in it
     grew = False
     for c in range(sizes.shape[0]):
         before = sizes[c]
@@ -193,10 +182,8 @@ def begin_sizes(values, sizes):
 
 @inner
 def begin_growth(x, growth):
-    """Set the growth (d,) before a first step: |y| (d,), or unlimited for components that are 0.
-
-    Those that were 0 before, and still are young, remain so.
-    """
+    """Set the growth (d,) before a first step: |y| (d,), or unlimited for components that are 0."""
+    # those that were 0 before, and still are young, remain so
     for c in range(growth.shape[0]):
         if abs(x[c]) <= LEAST or growth[c] < np.inf:
             growth[c] = abs(x[c]) if abs(x[c]) > LEAST else np.inf
@@ -214,10 +201,8 @@ def any_is_little(state, values):
 
 @inner
 def note_growth(m, h):
-    """Set the growth of components, from their powers of time in a solved step of length h.
-
-    The power of a component that begins at 0 is that of the second half of its first step.
-    """
+    """Set the growth of components, from their powers of time in a solved step of length h."""
+    # a component that begins at 0 has the power of the second half of its first step
     state, x_start, t = m.state, m.orbit.x[0], m.state.control.time
     x, first = m.workspace.values[0, POSITION], state.control.begins == 1.0
     for c in range(x.shape[0]):
@@ -247,12 +232,9 @@ def power_of_time(nodes, values):
 
 @inner
 def error_of_growth(m, h, c):
-    """Return the tolerance of what component c became in longer trials of a first step.
-
-    It grew there by the power of time that the second half of this step shows. The tolerance is 0
-    in other steps and without a longer trial. It is 0 for a component that does not begin from 0,
-    or that no other one drives.
-    """
+    """Return the tolerance of what component c became in longer trials of a first step."""
+    # By the power of time of the second half of this step. 0 in other steps, without a longer
+    # trial, and for a component that begins not from 0, or that no other drives.
     state, p = m.state, m.workspace.values[0, PRIMARY, c]
     largest = largest_of(p, 0, p.shape[0])
     driven = abs(m.orbit.p[0, c]) <= LEAST < state.reach[c]
@@ -263,10 +245,8 @@ def error_of_growth(m, h, c):
 
 @inner
 def note_rounding(m):
-    """Raise the largest |J| |y| summed over a step, by that of an accepted step.
-
-    No more counts than the reach, because damping acts on rounding too.
-    """
+    """Raise the largest |J| |y| summed over a step, by that of an accepted step."""
+    # no more counts than the reach, because damping acts on rounding too
     state, sums, kinds = m.state, m.operators.sums, m.equations.kinds
     force_scales = m.workspace.force_scales
     for c in range(kinds.shape[0]):
@@ -277,12 +257,10 @@ def note_rounding(m):
 
 @inner
 def allowed_error(c, value, size, is_speed, end, limits):
-    """Return the tolerance of component y_c, or of y_c' if `is_speed` is 1.
-
-    `value` is |y_c| or |y_c'|, and `size` is the size of y_c. The relative tolerance of y' is that
-    of y. The other parts are those of y divided by a time, over which the error of y' moves y. This
-    time is the length of the run, or `end` [time] for the absolute tolerance.
-    """
+    """Return the tolerance of component y_c, or of y_c' if `is_speed` is 1."""
+    # value: |y_c| or |y_c'|, size: that of y_c. The relative part of y' is that of y. Others are
+    # those of y over the time in which the error of y' moves y: the run, or end [time] for the
+    # absolute one.
     if is_speed == 1:
         least = limits.atol[c] / max(1.0, end) + OF_SPEED * limits.by_size * size / limits.t_end
         return least + limits.rtol * value
@@ -291,10 +269,8 @@ def allowed_error(c, value, size, is_speed, end, limits):
 
 @inner
 def error_of_young(state, c, is_speed, limits):
-    """Return the error that changes nothing in component c, or c' if `is_speed` is 1, while young.
-
-    It is 0 for a component that is not young. One that has no reach is not.
-    """
+    """Return the error that changes nothing in young component c, or c' if `is_speed` is 1."""
+    # 0 for one that is not young, or has no reach
     if state.growth[c] < np.inf:
         return 0.0
     return _OF_YOUNG * YOUNG * state.reach[c] / (limits.t_end if is_speed == 1 else 1.0)
@@ -302,12 +278,9 @@ def error_of_young(state, c, is_speed, limits):
 
 @inner
 def set_newton_tol(m, h):
-    """Set the error of p that Newton's method may leave, `m.workspace.newton_tol` (d,).
-
-    It is a fraction of the tolerance. If the equation for p = y' has terms of y, the tolerance is
-    at least the error of p by rounding of y. This error counts up to the one that changes y by its
-    rounding over the step.
-    """
+    """Set the error of p that Newton's method may leave, `m.workspace.newton_tol` (d,)."""
+    # A fraction of the tolerance. Where the equation for p = y' has terms of y, at least the error
+    # of p by rounding of y, up to the one that changes y by its rounding over the step.
     equations, orbit = m.equations, m.orbit
     state, limits, workspace = m.state, m.limits, m.workspace
     terms, orders, above_one = equations.terms, equations.orders, equations.above_one

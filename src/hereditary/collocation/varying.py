@@ -23,10 +23,9 @@ from .structures import TABULATED, Limits, VaryingOrders
 
 
 class VaryingBasis(GridBasis):
-    """Rates of exponentials for the kernels of all orders a in [0, 1] between two time lags.
+    """Rates of exponentials for ``t**(a-1) / Gamma(a)``, all a in [0, 1], between two time lags."""
 
-    The kernels are ``t**(a-1) / Gamma(a)``. The `SLOW_NODES` slowest rates come first.
-    """
+    # the SLOW_NODES slowest rates come first
 
     def weights(self, orders: np.ndarray) -> np.ndarray:
         """Return the weights of the exponentials for kernels of the k orders a; shape (M, k)."""
@@ -48,35 +47,18 @@ def varying_basis(closest: float, farthest: float, tol: float) -> VaryingBasis:
 
 
 def _slow_first(rows: np.ndarray) -> np.ndarray:
-    """Return rows with those of the `SLOW_NODES` slowest rates moved from the end to the front.
-
-    The rates of the grid then come last, because a refinement adds faster rates after them.
-    """
+    """Return rows with those of the `SLOW_NODES` slowest rates moved from the end to the front."""
+    # the grid comes last, because a refinement adds faster rates after it
     return np.concatenate([rows[-SLOW_NODES:], rows[:-SLOW_NODES]])
 
 
 class OrderTables:
-    """Integrals and mode weights of the varying orders at the nodes of one step.
-
-    Parameters
-    ----------
-    varying : tuple of VaryingOrder
-    s : int
-        Number of nodes of a step.
-
-    Attributes
-    ----------
-    tabulated : record of `TABULATED`
-        Start and length of the step that the tables are valid for, and of the step for which the
-        march requests tables. Starts are times since the origin.
-    integrals : ndarray, shape (n_v, s, s)
-        Row i integrates values at the nodes from the start of the step to node i, with the order
-        at node i.
-    weights : ndarray, shape (n_v, M, s)
-        Weights of the modes with the order at each node.
-    """
+    """Integrals and mode weights of the varying orders at the nodes of one step."""
 
     def __init__(self, varying: tuple[VaryingOrder, ...], s: int) -> None:
+        # tabulated: start and length of the valid step, and of the one that the march requests;
+        # starts count from the origin. integrals (n_v, s, s): row i from the start of the step to
+        # node i, with the order there. weights (n_v, M, s): of modes, with the order at each node.
         self._varying, self._nodes = varying, radau_nodes(s)
         self.tabulated = record(TABULATED, start=np.nan, length=np.nan)
         self.integrals = np.zeros((len(varying), s, s))
@@ -87,10 +69,8 @@ class OrderTables:
         self.tabulated["start"] = self.tabulated["length"] = np.nan
 
     def compiled(self, of_varying: np.ndarray) -> VaryingOrders:
-        """Return the tables as `VaryingOrders` for compiled code.
-
-        `of_varying` (M,) is 1 for the modes of varying orders, 0 for others.
-        """
+        """Return the tables as `VaryingOrders` for compiled code."""
+        # of_varying (M,): 1 for the modes of varying orders, 0 for others
         if self.weights.shape[1] != of_varying.size:
             self.clear()
             self.weights = np.zeros((len(self.weights), of_varying.size, self._nodes.size))

@@ -32,21 +32,9 @@ spare_workspaces = Spares(_WORKSPACES_MAX)
 def take_workspace(
     form: Form, modes: np.ndarray, s: int, offsets: bool, solver: StageSolver | None = None
 ) -> tuple[Any, Workspace]:
-    """Return a pair of a key and a `Workspace`; the pair is the argument of `give_back`.
-
-    Parameters
-    ----------
-    form : Form
-    modes : ndarray, shape (1 + k, R_m, M)
-        Modes of the orbit and of k tangents; R_m as in structures.py.
-    s : int
-        Number of nodes of a step.
-    offsets : bool
-        Whether any offset of a term differs from 0.
-    solver : StageSolver, optional
-        The solver of the run, if it keeps factors between steps. The key is None then, and the
-        workspace is new.
-    """
+    """Return a pair of a key and a `Workspace`; the pair is the argument of `give_back`."""
+    # modes (1 + k, R, M); offsets: whether any differs from 0. A solver that keeps factors between
+    # steps has a new workspace, and the key None.
 
     def make() -> Workspace:
         own = solver or stage_solver(None, form, s)
