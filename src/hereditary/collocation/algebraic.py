@@ -177,7 +177,7 @@ def settled(system: System, t: float, x: np.ndarray) -> np.ndarray:
 
 def became_singular(system: System, t: float, x: np.ndarray) -> bool:
     """Return whether the rows hardly determine unknowns at x (d,), compared with the start."""
-    # columns of the Jacobian are times the largest components at both times, rows have entries 1
+    # columns of J are times the largest components at both times, rows over their largest entries
     rows, columns = _unknowns(system)
     if rows.size == 0:
         return False

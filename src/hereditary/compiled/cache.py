@@ -36,11 +36,9 @@ class Target(NamedTuple):
     features: str
 
     def misfit(self, host: "Target") -> str:
-        """Return why code for this target does not run on a host, a target too; "" if it does.
-
-        Code fits any version of numba with the same first two numbers. If the user chose a
-        processor for numba, the code must be made for that processor.
-        """
+        """Return why code for this target does not run on a host, a target too; "" if it does."""
+        # the first two numbers of numba's version count, and the processor if the user chose one
+        # for numba
         lacking = {name for name in self.features.split(",") if name.startswith("+")}
         lacking -= {*host.features.split(",")}
         chosen = self.processor if CHOSEN_PROCESSOR is None else CHOSEN_PROCESSOR
@@ -71,11 +69,9 @@ def note_target(folder):
 
 
 def shipped_target() -> tuple[Target | None, str]:
-    """Return the target of the shipped machine code, and why this process cannot use that code.
-
-    The target is None if there is no code. The reason is "" if the code can be used. Its first line
-    says it all; what the compiler of a failed installation said follows.
-    """
+    """Return the target of the shipped machine code, and why this process cannot use it, or ""."""
+    # None if there is no code. The reason's first line says it all; the output of a failed compiler
+    # follows.
     if not STORED:
         return None, "numba is not to store code, or lacks what the library needs for that"
     if not SHIPPED.is_dir():
@@ -98,11 +94,8 @@ def _shipped_for():
 
 @cache
 def _digest(room):
-    """Return a digest of the files with compiled functions in a subpackage or a module.
-
-    Files are read at the first call for each `room`, the name of the subpackage. In `compiled` all
-    files count; elsewhere those that import compiled/jit.py.
-    """
+    """Return a digest of the files with compiled functions in a subpackage or a module `room`."""
+    # in `compiled` all files count; elsewhere those that import compiled/jit.py
     found, package = hashlib.sha256(), Path(__file__).parents[1]
     for path in sorted([*package.glob(f"{room}.py"), *package.glob(f"{room}/**/*.py")]):
         source = path.read_bytes()
@@ -115,30 +108,16 @@ _NAMES: set[str] = set()
 
 
 class CodeCache:
-    """Machine code of one function of the package on disk.
-
-    Code is loaded from the shipped folder if it is there, otherwise from the user's cache. New code
-    is stored in the user's cache. Stored code is valid for one set of options and one digest of
-    sources. The sources are the files with compiled functions in `compiled` and in the function's
-    own subpackage, because no other files enter the code. Numba's own cache does not notice changes
-    of helpers, of bounds checking or of fused arithmetic.
-
-    Functions of other packages are not stored. Of several functions with one name only the first is
-    stored. If the cache cannot be written, functions are compiled in each process, with a single
-    warning. Code that cannot be read is ignored without a warning. So is code that is made for
-    another processor, another version of numba or another Python.
-
-    Parameters
-    ----------
-    fun : function
-        The function to compile.
-    options : str
-        Text of the options of numba.jit, on which the machine code depends too.
-    announced : str, optional
-        What is compiled, for a message on standard error before a compilation that takes seconds.
-    """
+    """Machine code of one function of the package on disk, shipped or in the user's cache."""
 
     def __init__(self, fun, options, announced=None):
+        # It is valid for one set of options and one digest of the files with compiled functions in
+        # `compiled` and the function's own subpackage, as no others enter. Numba's own cache misses
+        # changes of helpers, of bounds checking or of fused arithmetic. Functions of other
+        # packages, and all but the first of one name, are not stored. A cache that cannot be
+        # written gives one warning; code that cannot be read, or is for another processor, numba or
+        # Python, gives none. options: text of those of numba.jit; announced: what is compiled, for
+        # a message on standard error if that takes seconds.
         self._fun, self._options, self._announced = fun, options, announced
         name, package = f"{fun.__module__}.{fun.__qualname__}", __name__.split(".")[0] + "."
         self._stored = STORED and name.startswith(package) and name not in _NAMES
@@ -196,10 +175,7 @@ class CodeCache:
 
     @cached_property
     def _entries(self):
-        """Return the function's entries in the user's cache; None if it is not to be stored.
-
-        It is None, too, if the cache cannot be written.
-        """
+        """The function's entries in the user's cache; None if it cannot be written, or need not."""
         try:
             return Entries(self._fun, self._options, self._stamp) if self._stored else None
         except (RuntimeError, OSError, AttributeError) as error:

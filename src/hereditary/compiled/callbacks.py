@@ -39,10 +39,8 @@ def original(error):
 
 
 def pass_on(error, result):
-    """Raise the cause of a `PythonRaised` again, with `result` as its attribute; else do nothing.
-
-    `result` is the solution of the run up to the exception.
-    """
+    """Raise the cause of a `PythonRaised` again, with `result` as its attribute, if it is one."""
+    # result: the solution of the run up to the exception
     cause = error.__cause__ if isinstance(error, PythonRaised) else None
     if cause is not None:
         hand_over(cause, result)
@@ -58,10 +56,8 @@ def hand_over(error: Any, result):
 
 @intrinsic
 def call_at(typing_context, address, t, components, values):
-    """Call the C function at `address` with t and the addresses of two arrays; return its status.
-
-    Calls have the type `C_FUNCTION`: the arrays are the components and the values to be filled.
-    """
+    """Call the C function at `address` with t and addresses of two arrays; return its status."""
+    # of type C_FUNCTION: the arrays are the components and the values to be filled
 
     def codegen(context, builder, signature, arguments):
         place, *others = arguments
@@ -74,10 +70,7 @@ def call_at(typing_context, address, t, components, values):
 
 @intrinsic
 def call_lapack(typing_context, address, arguments):
-    """Call the function of LAPACK at `address` with a tuple of the addresses of its arguments.
-
-    The function returns nothing.
-    """
+    """Call LAPACK's function at `address`, without a result, with its arguments' addresses."""
     count = len(arguments)
 
     def codegen(context, builder, signature, values):

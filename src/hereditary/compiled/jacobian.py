@@ -53,10 +53,8 @@ def finite_between(d, up, down):
 
 @inner
 def extend(middle, up, down):
-    """Replace values of f that are not finite by linear extrapolation from the other side of y.
-
-    `middle` (d,) is f at y, and `up` and `down` are f at equal distances above and below y.
-    """
+    """Replace infinite values of f by linear extrapolation from the other side of y."""
+    # middle (d,) is f at y; up and down are f at equal distances above and below y
     for i in range(middle.shape[0]):
         if not abs(down[i]) < np.inf:
             down[i] = 2.0 * middle[i] - up[i]
@@ -115,10 +113,8 @@ def entries_jacobian(force, t, y, units, out):
 
 @plug_in
 def dense_jacobian(force, t, y, units, out):
-    """Set a dense Jacobian by central differences; return the number of calls of f.
-
-    If f is finite on one side of y only, the differences are one-sided.
-    """
+    """Set a dense Jacobian by central differences; return the number of calls of f."""
+    # one-sided where f is finite on one side of y only
     d, calls = y.shape[0], 2 * y.shape[0]
     up, down, shifted = np.empty(d), np.empty(d), np.empty(d)
     for j in range(d):  # a loop, because y.copy() takes longer to compile
@@ -144,10 +140,7 @@ def dense_jacobian(force, t, y, units, out):
 
 @plug_in
 def sparse_jacobian(force, t, y, units, out):
-    """Set the values of a sparse Jacobian by central differences.
-
-    All columns of one group are shifted at once. Returns the number of calls of f.
-    """
+    """Set a sparse Jacobian by central differences of groups of columns; return calls of f."""
     up, down, shifted = np.empty(y.shape[0]), np.empty(y.shape[0]), np.empty(y.shape[0])
     for j in range(y.shape[0]):
         shifted[j] = y[j]

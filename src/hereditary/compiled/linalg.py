@@ -75,10 +75,8 @@ _ALONE = 2e5
 
 @inner
 def solve_in_place(a, b):
-    """Solve a x = b by elimination with partial pivoting; x replaces b, and a is overwritten.
-
-    Returns False if a pivot is 0 or NaN.
-    """
+    """Solve a x = b in place of b with partial pivoting, overwriting a."""
+    # returns False if a pivot is 0 or NaN
     # shapes for d unknowns: a (d, d), b (d,)
     d = b.shape[0]
     for j in range(d):
@@ -106,10 +104,8 @@ def solve_in_place(a, b):
 
 @inner
 def factorise(a, order):
-    """Replace a by its LU factors, with partial pivoting; row i of L U is row `order[i]` of a.
-
-    Returns False if a pivot is 0 or not finite.
-    """
+    """Replace a by its LU factors, with partial pivoting; return whether this succeeded."""
+    # row i of L U is row order[i] of a; False if a pivot is 0 or not finite
     # shapes for n unknowns: a (n, n), order (n,)
     n = a.shape[0]
     for i in range(n):
@@ -131,10 +127,7 @@ def factorise(a, order):
 
 @inner
 def factorise_columns(a, order, first, last):
-    """Factorise the columns from `first` to before `last`, with exchanges of whole rows.
-
-    Returns False if a pivot is 0 or not finite.
-    """
+    """Factorise columns from `first` to before `last`, exchanging rows, as `factorise`."""
     n = a.shape[0]
     for j in range(first, last):
         pivot = j
@@ -157,10 +150,8 @@ def factorise_columns(a, order, first, last):
 
 @inner
 def subtract_rows(a, first, last):
-    """Eliminate _PANEL columns from the rows from `last` on.
-
-    Multiples of _PANEL pivot rows are subtracted at once, so that each row is stored only once.
-    """
+    """Eliminate _PANEL columns from the rows from `last` on."""
+    # multiples of _PANEL pivot rows are subtracted at once, so that each row is stored only once
     b, c, d, e = a[first, last:], a[first + 1, last:], a[first + 2, last:], a[first + 3, last:]
     for i in range(last, a.shape[0]):
         row, of_b, of_c = a[i, last:], a[i, first], a[i, first + 1]
@@ -223,11 +214,8 @@ def transpose(a):
 
 @inner(allocates=True)
 def product(a, b, out):
-    """Set out = a b, by blocks of rows for which BLAS uses no threads.
-
-    Threads gain little for such matrices, and BLAS waits milliseconds for them if the cores are
-    busy.
-    """
+    """Set out = a b, by blocks of rows for which BLAS uses no threads."""
+    # threads gain little for such matrices, and BLAS waits milliseconds for them if cores are busy
     # shapes: a (m, k), b (k, n), out (m, n)
     rows = max(1, int(_ALONE / max(1, b.size)))
     for first in range(0, out.shape[0], rows):
@@ -285,10 +273,7 @@ def no_solver(task, number, matrix, x, linear):
 
 @compiled
 def dense_solver(task, number, matrix, x, linear):
-    """Factorise a dense matrix, or solve with its factors; return 0 if that succeeds.
-
-    The task SUBSTITUTE replaces the right-hand side in x by the solution.
-    """
+    """Factorise a dense matrix, or solve with its factors in place of x; return 0 on success."""
     # linear.factors (m, n + 2, n) has for each of m matrices the LU factors in n rows, then the
     # order of the rows, then workspace for a right-hand side
     n = x.shape[0]
@@ -309,10 +294,8 @@ def dense_solver(task, number, matrix, x, linear):
 
 @inner
 def add_rows(out, factors, rows):
-    """Add factors @ rows to out, four rows at a time.
-
-    The inner loop runs along `out`, so the compiler vectorises it without reordering any sum.
-    """
+    """Add factors @ rows to out, four rows at a time."""
+    # the inner loop runs along out, so it is vectorised without reordering any sum
     # shapes: out (n,), factors (m,), rows (m, n)
     fours = factors.shape[0] // 4 * 4
     for k in range(0, fours, 4):
@@ -327,11 +310,9 @@ def add_rows(out, factors, rows):
 
 @inner
 def multiply_modes(modes, factors, n_real, out):
-    """Set out to the product of modes and factors, mode by mode.
-
-    Each array has first `n_real` real numbers, then the real parts of the complex numbers, then
-    their imaginary parts, as in kernels/mode_bank.py.
-    """
+    """Set out to the product of modes and factors, mode by mode."""
+    # each array has n_real real numbers, then real, then imaginary parts, as in
+    # kernels/mode_bank.py
     # all arrays have the shape (M,); out may be modes or factors itself
     for i in range(n_real):
         out[i] = factors[i] * modes[i]
@@ -350,10 +331,8 @@ _RESTARTS = 300
 
 
 def eigenvalues(matrix):
-    """Return all eigenvalues of a matrix, or those of largest modulus beyond 200 rows.
-
-    If ARPACK finds none of a large matrix, the result is one upper bound of their moduli.
-    """
+    """Return all eigenvalues of a matrix, or those of largest modulus beyond 200 rows."""
+    # one upper bound of their moduli if ARPACK finds none of a large matrix
     if matrix.shape[0] <= _VERY_MANY:
         return np.linalg.eigvals(matrix if isinstance(matrix, np.ndarray) else matrix.toarray())
     arpack = importlib.import_module("scipy.sparse.linalg")  # a slow import

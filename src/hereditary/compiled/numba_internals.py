@@ -53,12 +53,11 @@ class Inner(_Dispatcher):
 
 
 class _LinkedCompiler(_Compiler):
-    """Compiler that stops at LLVM code, which is then linked into the callers of the function.
+    """Compiler that stops at LLVM code, which is then linked into the callers of the function."""
 
-    numba optimises each function together with all functions that it calls, and makes machine code
-    of the result. Then it does both again for each caller. A function that only compiled code calls
-    needs neither. A loop and its helpers are then optimised once, together.
-    """
+    # numba would optimise and compile each function with all that it calls, then again in each
+    # caller. A function that only compiled code calls needs neither: a loop and its helpers are
+    # optimised once, together.
 
     def compile_extra(self, func):
         """Return the compile result of `func`, with a `_LinkedLibrary` as its code."""
@@ -67,11 +66,10 @@ class _LinkedCompiler(_Compiler):
 
 
 class _LinkedLibrary(_Library):
-    """LLVM code of a function, which has machine code only if its address is asked for.
+    """LLVM code of a function, which has machine code only if its address is asked for."""
 
-    numba asks for the address of a function that Python calls. Until then the function has no
-    object of numba that holds its environment, either.
-    """
+    # numba asks for it if Python calls the function, which only then has an object for its
+    # environment
 
     _alone = False  # whether it has machine code
 
@@ -115,12 +113,10 @@ class _Part(_LinkedLibrary):
 
 
 class Entries(_FunctionCache):
-    """Machine code of one function in the user's cache, for one set of options.
-
-    Code of another `stamp`, a digest of the sources, is invalid.
-    """
+    """Machine code of one function in the user's cache, for one set of options and one `stamp`."""
 
     def __init__(self, fun, options, stamp):
+        # stamp: digest of the sources
         super().__init__(fun)
         self._options = options
         self._cache_file: Any = _IndexFile(self._cache_path, _name_of(fun), stamp)
@@ -130,13 +126,10 @@ class Entries(_FunctionCache):
 
 
 class Shipped:
-    """Machine code of one function in a read-only folder.
-
-    `version` is the version of numba that made the code. `made_for` is what `processor` returned on
-    the machine that made it.
-    """
+    """Machine code of one function in a read-only folder."""
 
     def __init__(self, folder, fun, options, stamp, version, made_for):
+        # version: numba's; made_for: what `processor` returned on the machine that made it
         self._fun, self._options, self._made_for = fun, options, made_for
         self._file: Any = _IndexFile(str(folder), _name_of(fun), stamp)
         self._file._version = version
@@ -263,10 +256,7 @@ def uncounted():
 
 
 def linked(fun, options):
-    """Return `fun` as a function whose LLVM code is linked into its callers.
-
-    `options` are those of numba.jit.
-    """
+    """Return `fun`, with options of numba.jit, with LLVM code that is linked into its callers."""
     if not LINKED:
         return numba.njit(**{name: value for name, value in options.items() if name != "_nrt"})(fun)
     options |= {"nopython": True, **without("cpython", "cfunc")}
@@ -282,12 +272,10 @@ def set_environments(result):
 
 
 def built_as_one(build):
-    """Return ``build()``, which makes one compiled function of several.
-
-    Only a function whose address is asked for gets machine code, which has all that it calls. This
-    takes half the time. Machine code finds recursive functions by their addresses. If there are
-    any, `build` is called again, and each function gets machine code of its own.
-    """
+    """Return ``build()``, which makes one compiled function of several."""
+    # Only a function whose address is asked for gets machine code, with all that it calls, in half
+    # the time. Recursive functions are found by their addresses: then build is called again, and
+    # each gets its own.
     if not LINKED:
         return build()
     _cpu_target.target_context.refresh()  # numba's runtime has machine code of its own

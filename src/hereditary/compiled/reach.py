@@ -64,12 +64,8 @@ class Links(NamedTuple):
 
 @inner(allocates=True)
 def set_reach(j_f, rates, sizes, reach):
-    """Set `reach` (d,): what other components could make of each, or its own size (d,) if larger.
-
-    A single component has none.
-
-    `j_f` is the Jacobian of f, dense or sparse, and `rates` (d,) are those of the run.
-    """
+    """Set `reach` (d,): what others could make of each component, or its own size if larger."""
+    # a single component has none; j_f: Jacobian of f, dense or sparse; rates (d,): of the run
     d = sizes.shape[0]
     if d == 1:
         reach[0] = 0.0
@@ -101,10 +97,7 @@ def set_reach(j_f, rates, sizes, reach):
 
 @inner
 def set_moved(j_f, rates, sizes, moved):
-    """Replace f in `moved` (d,) by what it makes of each component, or by its size (d,) if larger.
-
-    This is f over the rate and the damping of the component.
-    """
+    """Replace f in `moved` (d,) by f over rate and damping, or by the size (d,) if larger."""
     d = sizes.shape[0]
     sparse = is_sparse(j_f, d)
     for k in range(j_f.shape[1] if sparse else d):
@@ -117,11 +110,9 @@ def set_moved(j_f, rates, sizes, moved):
 
 @inner(allocates=True)
 def links_of(j_f, rates, slow, damping):
-    """Return the `Links` of a Jacobian, with gains that the whole damping reduces.
-
-    Also sets `damping` (d,) to the moduli of the diagonal. Sets `slow` (d,) to the rates of the run
-    or, for algebraic rows, to small parts of the damping.
-    """
+    """Return the `Links` of a Jacobian, with gains that the whole damping reduces."""
+    # damping (d,) becomes moduli of the diagonal; slow (d,) rates, or small parts of the damping
+    # for algebraic rows
     d = slow.shape[0]
     sparse, n = is_sparse(j_f, d), 0
     entries = j_f.shape[1] if sparse else d * d
@@ -166,11 +157,8 @@ def in_groups(numbers, d):
 
 @inner(allocates=True)
 def find_circles(links, units, circles, order):
-    """Set the number of each component's circle, units within it, and an order of components.
-
-    All results are (d,). In `order`, components follow those that drive them, but for circles.
-    Source: Kosaraju's algorithm.
-    """
+    """Set numbers of circles of components, units within them, and an order of components, (d,)."""
+    # in order, components follow those that drive them, but for circles; Kosaraju's algorithm
     d = circles.shape[0]
     stack, place, last = np.empty(d, dtype=np.int64), np.empty(d, dtype=np.int64), d
     for c in range(d):
@@ -208,10 +196,8 @@ def find_circles(links, units, circles, order):
 
 @inner
 def balanced(c, links, circles, units):
-    """Return the unit of component c in which the largest gains into and out of it are equal.
-
-    Only gains from and to components whose circle is known to be the same count.
-    """
+    """Return the unit of component c that makes the largest gains into and out of it equal."""
+    # only gains within a circle that is known count
     into, out_of = -np.inf, -np.inf
     for i in range(links.row[c], links.row[c + 1]):
         k = links.by_row[i]
@@ -240,10 +226,8 @@ def balance(links, circles, units):
 
 @inner
 def spread(links, order, reach):
-    """Raise the reach (d,) to the largest products of gains and sizes along chains of components.
-
-    Sweeps go along `order` and back in turn.
-    """
+    """Raise the reach (d,) to the largest products of gains and sizes along chains."""
+    # sweeps go along order and back in turn
     d = order.shape[0]
     for sweep in range(_MAX_SWEEPS):
         largest = 0.0

@@ -137,10 +137,7 @@ def _address(typ, function, c):
 
 @unbox(Reference)
 def _fill(typ, filled, c):
-    """Emit code that makes a record on the caller's frame from a `Filled`.
-
-    The code counts no references.
-    """
+    """Emit code, without references, that makes a record on the caller's frame from a `Filled`."""
     place = cgutils.alloca_once(c.builder, c.context.get_value_type(typ.record))
     record = c.pyapi.object_getattr_string(filled, "record")
     c.pyapi.decref(record)  # `filled` keeps it alive
@@ -182,11 +179,9 @@ def by_reference(record, kind):
 
 
 def as_checked(part, kind):
-    """Return a part of a record, a NamedTuple, with its fields checked once and for all.
-
-    It has a class of its own, which tells entries that they need not check it again. `kind` is
-    numba's type of the NamedTuple class. `_replace` returns a part that is checked again.
-    """
+    """Return a part of a record, a NamedTuple, with its fields checked once and for all."""
+    # Its class tells entries that they need not check it again; `_replace` returns one that is.
+    # kind: numba's type of the NamedTuple.
     if config.DISABLE_JIT:
         return part
     _check(part, _form_of(kind))
@@ -210,15 +205,10 @@ def _form_of(kind) -> list[Any]:
 
 
 def _form(kind) -> list[Any]:
-    """List (name, type, how, like) of each field of a record, for `_check`.
-
-    How and like depend on the field:
-
-    - a number: None, and its Python classes;
-    - an array: its dtype, and its number of axes;
-    - a structured record or a function: the name of an attribute, and its value;
-    - a part of the record: the class of a checked one, and the list of that part.
-    """
+    """List (name, type, how, like) of each field of a record, for `_check`."""
+    # how and like are None and Python classes for a number; dtype and number of axes for an array;
+    # an attribute and its value for a structured record or a function; the class of a checked one
+    # and its list for a part
     found: list[Any] = []
     for name, wanted in zip(kind.fields, kind, strict=True):
         like: Any = None, ((int,) if wanted == types.int64 else (int, float))

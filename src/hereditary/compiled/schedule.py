@@ -33,10 +33,8 @@ def due(schedule):
 
 @inner(allocates=True)
 def note(schedule, n, logs):
-    """Note a renormalisation at mark n, and adapt the interval to the spread of `logs`.
-
-    `logs` (k,) are the logarithms of the growth of k tangents over the interval before.
-    """
+    """Note a renormalisation at mark n, and adapt the interval to the spread of `logs`."""
+    # logs (k,): log growth of k tangents over the interval before
     schedule["last"] = n
     spread = max(0.0, np.max(logs)) - min(0.0, np.min(logs))
     if spread > _MAX_SPREAD and schedule["automatic"]:

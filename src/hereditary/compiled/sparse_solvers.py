@@ -21,10 +21,7 @@ _N_NUMBERS = 5
 
 @compiled
 def banded_solver(task, number, matrix, x, linear):
-    """Factorise a banded matrix by LAPACK, or solve with its factors; return 0 if that succeeds.
-
-    The task SUBSTITUTE replaces the right-hand side in x by the solution.
-    """
+    """Factorise a banded matrix by LAPACK, or solve with its factors for x; return 0 on success."""
     # linear.factors has the shape (m, n, 2 lower + upper + 2) for m matrices: see `set_band`
     factors, place = linear.factors[number], linear.order
     lower, upper, n = linear.lower, linear.upper, x.shape[0]
@@ -43,10 +40,8 @@ def banded_solver(task, number, matrix, x, linear):
 
 @inner
 def substitute_band(factors, lower, upper, x):
-    """Replace x (n,) by the solution, with the factors of `factorise_band`.
-
-    LAPACK's own substitution takes longer.
-    """
+    """Replace x (n,) by the solution, with the factors of `factorise_band`."""
+    # LAPACK's own substitution takes longer
     n, width, diagonal = x.shape[0], factors.shape[1] - 1, lower + upper
     for j in range(n):
         pivot = int(factors[j, width].real)
@@ -64,10 +59,8 @@ def substitute_band(factors, lower, upper, x):
 
 @inner
 def set_band(matrix, factor, place, lower, upper, out):
-    """Set `out` to a sparse matrix times a number, a band in the order `place`; False if infinite.
-
-    Row j of `out` (n, 2 lower + upper + 2) is column j of LAPACK's array `ab`, and a last number.
-    """
+    """Set `out` to a sparse matrix times a number, a band in order `place`; False if infinite."""
+    # row j of out (n, 2 lower + upper + 2) is column j of LAPACK's array ab, and a last number
     for j in range(out.shape[0]):
         for k in range(out.shape[1] - 1):
             out[j, k] = 0.0
@@ -81,11 +74,9 @@ def set_band(matrix, factor, place, lower, upper, out):
 
 @inner(allocates=True)
 def factorise_band(factors, lower, upper, lapack):
-    """Replace a band of `set_band`, real or complex, by its LU factors; return 0 on success.
-
-    `lapack` is the address of LAPACK's dgbtrf or zgbtrf. The last number of row j becomes the row
-    of the pivot. The diagonal is inverted.
-    """
+    """Replace a band of `set_band`, real or complex, by its LU factors; return 0 on success."""
+    # lapack: address of dgbtrf or zgbtrf. The last number of row j becomes the row of the pivot;
+    # the diagonal is inverted.
     n, width, diagonal = factors.shape[0], factors.shape[1] - 1, lower + upper
     # [n, lower, upper, length of a column, LAPACK's status, pivots...] in one array, so that all of
     # it is alive until LAPACK returns
@@ -104,10 +95,7 @@ def factorise_band(factors, lower, upper, lapack):
 
 @compiled
 def sparse_solver(task, number, matrix, x, linear):
-    """Factorise a sparse matrix in Python, or solve with its factors; return 0 if that succeeds.
-
-    The task SUBSTITUTE replaces the right-hand side in x by the solution.
-    """
+    """Factorise a sparse matrix in Python, or solve with its factors for x; return 0 on success."""
     which = 2.0 * number + task
     given, wanted = matrix.ctypes.data, x.ctypes.data
     found: int = call_at(linear.python, which, given, wanted)  # type: ignore[call-arg]
@@ -124,25 +112,13 @@ _SYMMETRIC = {"SymmetricMode": True}
 
 
 class SparseFactors:
-    """SuperLU's factors of sparse real matrices, or of complex matrices ``1 - lambda J``.
-
-    Parameters
-    ----------
-    structure : Structure
-        Rows and columns of the entries of the matrices, or of the Jacobian J.
-    kind : type
-        float for real matrices, complex for ``1 - lambda J``.
-
-    Attributes
-    ----------
-    address : int
-        Address of a C function with three arguments. The first is twice the number of a matrix plus
-        the task. The second is the address of the entries of the matrix, or of J. The third is the
-        address of the right-hand side, which the solution replaces. To factorise a complex matrix,
-        this vector begins with lambda instead.
-    """
+    """SuperLU's factors of sparse real matrices, or of complex matrices ``1 - lambda J``."""
 
     def __init__(self, structure, kind):
+        # structure: entries of the matrices, or of J; kind: float, or complex for 1 - lambda J.
+        # address: of a C function of twice the number of a matrix plus the task, the address of the
+        # entries of the matrix or J, and that of the right-hand side, which the solution replaces.
+        # To factorise a complex matrix this vector begins with lambda.
         sparse = importlib.import_module("scipy.sparse")  # a slow import
         linalg = importlib.import_module("scipy.sparse.linalg")
         n, size = structure.n, structure.rows.size

@@ -50,31 +50,16 @@ def check_jacobian(functions: Functions, y0: np.ndarray, structure: Any = None) 
 def wrong_jacobian(
     functions: Functions, y0: np.ndarray, structure: Any = None, t: float = 0.0
 ) -> str:
-    """Return a complaint of a Jacobian that is not the derivative of f near y0; else "".
-
-    Products of the Jacobian with directions are compared with differences of `rhs` along these
-    directions. For a dense Jacobian the directions are the axes; with a `structure` there is one
-    random direction. Without `jac` the entries of the structure are differences, and the check
-    finds entries that the structure lacks.
-
-    Two differences, one with a longer and one with a shorter step, show how accurate they are. A
-    product is wrong at a point if it misses them by more than ten times their distance. The
-    Jacobian is refused if a product is wrong at two of three points. Therefore a corner or a jump
-    of `rhs` does not refuse it, nor does a point outside of the domain of `rhs`.
-
-    One point is y0. At the others components differ from it by up to 3 % of the larger of their
-    size and a tenth of their unit. A dense Jacobian is refused if an entry errs by more than 1 % of
-    the largest entry of its row, all over this neighbourhood. Errors as small as the rounding of
-    differences are not found. It is accepted if all entries err by less than 0.1 % of themselves.
-
-    Parameters
-    ----------
-    functions : Functions
-    y0 : ndarray, shape (d,)
-    structure : Structure, optional
-    t : float
-        Time since the start [time].
-    """
+    """Return a complaint of a Jacobian that is not the derivative of f near y0; else ""."""
+    # Products with directions are compared with differences of `rhs` along them: axes for a dense
+    # Jacobian, a random one with a structure, also to find entries that it lacks. A product is
+    # wrong if it misses two differences, of a longer and a shorter step, by over ten times their
+    # distance. The Jacobian is refused if wrong at two of three points, so no corner or jump of
+    # `rhs`, nor a point outside of its domain, refuses it. One point is y0; others differ by up to
+    # 3 % of the larger of size and a tenth of the unit. A dense Jacobian is refused if an entry
+    # errs by over 1 % of the largest of its row, and accepted if all err by less than 0.1 % of
+    # themselves, over this neighbourhood. Errors within the rounding of differences are not found.
+    # y0 (d,); t: since the start [time].
     random = np.random.default_rng(0)
     right = right_side(functions, structure is not None)
     units = units_of(right, y0)
@@ -119,17 +104,9 @@ def _deviation(
     directions: np.ndarray,
     lengths: np.ndarray,
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray] | None:
-    """Return which products are wrong, the given products and the differences, each (d, n).
-
-    Each product is judged by the step whose truncation and rounding errors have the least sum.
-    Steps grow until rounding no longer limits the comparison. Returns None if f or the Jacobian
-    raises or is not finite. There are n directions.
-
-    Parameters
-    ----------
-    directions, lengths : ndarray, shape (n, d) and (n,)
-        A step of a difference is proportional to a length times its direction.
-    """
+    """Return which products are wrong, given products and differences, (d, n); None if f fails."""
+    # Each is judged by the step with the least sum of truncation and rounding; steps grow until
+    # rounding no longer limits. A step is proportional to lengths (n,) times directions (n, d).
     entries = np.empty((y.size, y.size)) if structure is None else structure.entries.copy()
     try:
         jacobian_at(right, t, y.copy(), units, entries)
@@ -168,10 +145,8 @@ def _deviation(
 
 
 def _values(right: RightSide, t: float, y: np.ndarray, shifts: np.ndarray) -> np.ndarray | None:
-    """Return f beside y, (2, 2, n, d): for both steps above and below y; None if f raises.
-
-    The n shifts (n, d) are multiplied by the steps of the differences.
-    """
+    """Return f beside y, (2, 2, n, d): for both steps above and below y; None if f raises."""
+    # shifts (n, d) are multiplied by the steps of the differences
     values = np.empty((2, 2, *shifts.shape))
     try:
         for step, (above, below) in zip(_CHECK_STEPS, values, strict=True):
@@ -190,15 +165,12 @@ def _values(right: RightSide, t: float, y: np.ndarray, shifts: np.ndarray) -> np
 def units_of(
     right: RightSide, y0: np.ndarray, t_end: float = 1.0, rates: np.ndarray | float = 1.0
 ) -> np.ndarray:
-    """Return units of components, (d,), for the steps of differences where y is small.
-
-    The unit is the size of the component in y0. For a component at 0 it is the change by f in a
-    thousandth of the run to t_end, with others at their units. In systems of up to `FEW`
-    components it is a step near that, which changes f clearly and proportionally. It is 0 if f
-    moves the component at none of five times. The `rates` (d,) are f over the y that it makes in
-    the run, if it is constant. They are 0 for algebraic rows, of which the change of the component
-    counts that changes the row by its size.
-    """
+    """Return units of components, (d,), for the steps of differences where y is small."""
+    # The size in y0. For a component at 0 the change by f in a thousandth of the run to t_end,
+    # others at their units. Up to FEW components take a step near that, which changes f clearly and
+    # proportionally. 0 if f moves it at none of five times. rates (d,): f over the y that it makes
+    # in the run, if constant; 0 for algebraic rows, of which the change counts that changes the row
+    # by its size.
     units, y = np.abs(y0), y0.copy()
     if not units.all():
         later = iter(_LATER)
@@ -225,10 +197,8 @@ def units_of(
 
 
 def _balancing_step(right: RightSide, y: np.ndarray, t: float, c: int) -> float:
-    """Return a size of component c that changes its row of f by about what the others make of it.
-
-    It is a power of 10, found by bisection. Returns 0 if no size does.
-    """
+    """Return a size of component c that changes its row of f by about what others make of it."""
+    # a power of 10, by bisection; 0 if none does
     force, (low, high) = _moved(right, y, t=t)[c], _DECADES
     beside = _moved(right, y * (1.0 + _CHANGE_OF_OTHERS / np.sqrt(2.0 + np.arange(y.size))), t=t)[c]
     made = np.abs(force) + np.abs(beside - force) / _CHANGE_OF_OTHERS
@@ -240,10 +210,8 @@ def _balancing_step(right: RightSide, y: np.ndarray, t: float, c: int) -> float:
 
 
 def _visible_step(right: RightSide, y0: np.ndarray, c: int, step: float) -> float:
-    """Return a step of component c near a first one that changes f clearly and proportionally.
-
-    Returns 0 if no trial step does.
-    """
+    """Return a step of component c near a first one that changes f clearly, or 0."""
+    # the step changes f proportionally too
     force, found, shrunk = _moved(right, y0), 0.0, False
     for _ in range(_MOST_TRIALS if 0 < step < np.inf else 0):
         change, twice = (_moved(right, y0, c, by) - force for by in (step, 2 * step))
@@ -267,10 +235,7 @@ def _visible_step(right: RightSide, y0: np.ndarray, c: int, step: float) -> floa
 def _moved(
     right: RightSide, y0: np.ndarray, c: int = 0, step: float = 0.0, t: float = 0.0
 ) -> np.ndarray:
-    """Return f (d,) at y0 with component c changed by `step`.
-
-    If f is not finite there, component c is changed by -`step` instead. The result may be NaN.
-    """
+    """Return f (d,) at y0 with component c changed by `step`, or -`step` if infinite, or NaN."""
     found = np.full(y0.size, np.nan)
     for by in (step, -step):
         y = y0.copy()

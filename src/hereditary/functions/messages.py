@@ -49,10 +49,8 @@ def compile_reason(fun: FunctionType, error: Exception) -> str:
 
 
 def writing_complaint(name: str, fun: FunctionType, error: Exception) -> str:
-    """Return the message about a function that writes into y or params.
-
-    numba compiles such a function only for writable arrays.
-    """
+    """Return the message about a function that writes into y or params."""
+    # numba compiles it only for writable arrays
     return complaint(
         name,
         "leave y and params as they are",
@@ -73,11 +71,8 @@ def _place(fun: FunctionType, text: str) -> str:
 
 
 def _reason(text: str) -> str:
-    """Return the most useful sentence of numba's report `text`.
-
-    If numba tried several implementations of a call, the last error explains why none fits.
-    Otherwise the first line is the most useful one.
-    """
+    """Return the most useful sentence of numba's report `text`."""
+    # the last error if numba tried several implementations of a call, otherwise the first line
     lines = [line.strip() for line in text.splitlines() if line.strip()]
     lines = [line for line in lines if not line.startswith("Failed in nopython")]
     found = re.findall(r"^\s*\w*Error: (?!Failed in|Poison)(.+)$", text, re.MULTILINE)

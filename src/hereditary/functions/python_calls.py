@@ -42,24 +42,7 @@ class PythonFunctionWarning(UserWarning):
 
 
 class Callback:
-    """C function that fills an array with the values of a Python function.
-
-    Parameters
-    ----------
-    name : str
-        Argument of the equation with the function, for messages.
-    fill : callable
-        ``fill(t, z, out)``, which sets `out` from the components z (n,), a read-only array.
-    n : int
-        Number of components.
-    shape : tuple of int
-        Shape of `out`.
-
-    Attributes
-    ----------
-    address : int
-        Address of the C function.
-    """
+    """C function at `address` that fills an array with the values of a Python function."""
 
     def __init__(
         self,
@@ -68,6 +51,8 @@ class Callback:
         n: int,
         shape: tuple[int, ...],
     ) -> None:
+        # name: argument of the equation, for messages; fill(t, z, out) sets out, of a shape, from z
+        # (n,), which is read-only
         # one function without helpers, because a run may call it a million times
         components: dict[int, np.ndarray] = {}
         values: dict[int, np.ndarray] = {}
@@ -109,10 +94,8 @@ def _view(
 
 
 def warn_of_python(name: str, fun: Any, reason: str, call: Callable[[], object]) -> None:
-    """Warn, once for each function, that Python runs it, and how many times longer runs may take.
-
-    ``call()`` runs the function once, and is timed.
-    """
+    """Warn, once for each function, that Python runs it, and how much longer runs may take."""
+    # call() runs the function once, and is timed
     known = code_of(fun) or type(fun)
     if known in _warned:
         return

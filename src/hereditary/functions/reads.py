@@ -50,10 +50,8 @@ def _package(value: Any) -> str:
 
 
 def _is_helper(value: Any, caller: Any) -> bool:
-    """Return whether a value is a function that is compiled together with `caller`.
-
-    Plain functions of other installed packages are not, because they may call any number of others.
-    """
+    """Return whether a value is a function that is compiled together with `caller`."""
+    # not plain functions of other installed packages, which may call any number of others
     if not inspect.isfunction(value):
         return is_jitted(value)
     return _package(value) == _package(caller) or not _installed(value.__code__.co_filename)
@@ -67,10 +65,7 @@ def _parts(helper: Any) -> tuple[Any, dict[str, Any]]:
 
 
 def _reads(function: FunctionType) -> dict[str, Any]:
-    """Return the values that a function reads besides its arguments, by name.
-
-    These are globals, closed-over values, defaults, and attributes of modules among them.
-    """
+    """Return globals, closed-over values, defaults and modules' attributes by name."""
     names, held = _names_in(function.__code__), function.__globals__
     found = {name: held[name] for name in names if name in held}
     for name, cell in zip(function.__code__.co_freevars, function.__closure__ or (), strict=True):
@@ -164,10 +159,8 @@ _OF_SHAPE = {"len", "zeros_like", "ones_like", "empty_like", "full_like"}
 
 
 def reads_argument(function: Any, number: int) -> bool:
-    """Return whether a function may read values of an argument; False is certain.
-
-    Its code then never loads the argument, or only for its shape.
-    """
+    """Return whether a function may read values of an argument; False is certain."""
+    # its code then never loads the argument, or only for its shape
     plain = getattr(function, "py_func", function)
     if not isinstance(plain, FunctionType) or plain.__code__.co_argcount <= number:
         return True
@@ -198,12 +191,10 @@ def _digest_of_frozen(frozen: tuple, package: str) -> str:
 
 
 class _Digests:
-    """Digests of values and of their parts; the digest of each object is computed once.
-
-    `own` are packages whose functions count by their code even if they are installed.
-    """
+    """Digests of values and of their parts; the digest of each object is computed once."""
 
     def __init__(self, own: set[str]) -> None:
+        # own: packages whose functions count by their code even if they are installed
         self._own = own
         self._known: dict[int, tuple[str, Any]] = {}
 
@@ -274,17 +265,9 @@ def _name(value: Any) -> str:
 
 
 def fresh(fun: Any, own_options: dict[str, Any], helper_options: dict[str, Any]) -> Any:
-    """Return a dispatcher for a copy of `fun` that calls fresh copies of its helpers.
-
-    A dispatcher never compiles again: it keeps the values and options of its first compilation.
-    Helpers that `fun` reads as attributes of a module are not copied.
-
-    Parameters
-    ----------
-    fun : function or Dispatcher
-    own_options, helper_options : dict
-        Options of numba.jit for `fun` and for its helpers, in place of options that they have.
-    """
+    """Return a dispatcher for a copy of `fun` that calls fresh copies of its helpers."""
+    # A dispatcher keeps the values and options of its first compilation. Helpers read as attributes
+    # of a module are not copied. Both options of numba.jit replace those that functions have.
 
     def compiled(copy: FunctionType, given: Any) -> Any:
         own = own_options if given is fun else helper_options
@@ -299,10 +282,8 @@ def uncompiled(fun: Any) -> Any:
 
 
 def _copied(fun: Any, make: Callable[[FunctionType, Any], Any]) -> Any:
-    """Return a copy of a function that calls copies of its helpers.
-
-    ``make(copy, given)`` turns each plain copy of a function `given` into the result.
-    """
+    """Return a copy of a function that calls copies of its helpers."""
+    # make(copy, given) turns each plain copy of a function given into the result
     made: dict[int, Any] = {}
 
     def again(given: Any) -> Any:
