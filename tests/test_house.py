@@ -35,15 +35,15 @@ def test_files_and_functions_are_small():
 # Most lines of code of each room, without docstrings, comments and blank lines. They only fall: who
 # needs lines takes them from the same room.
 BUDGETS = {
-    "collocation": 5370,
-    "given": 3677,
+    "collocation": 5293,
+    "given": 3676,
     "solver": 2427,
     "analysis": 2388,
-    "compiled": 1934,
+    "compiled": 1921,
     "top": 1742,
     "equation": 1676,
     "kernels": 1508,
-    "functions": 1020,
+    "functions": 958,
     "paper": 705,
     "scenes": 665,
     "stepping": 472,
