@@ -216,7 +216,8 @@ def solve_stages(m, h):
             counts.rhs += stage_jacobians(m, x, jacobians)
             control[KEPT], control[LENGTH], control[REDUCED], fresh = 1.0, 0.0, 0.0, True
         if control[LENGTH] != h:
-            set_scales(m.state, workspace.sizes, stages)
+            if set_scales(m.state, workspace.sizes, stages, control[REDUCED] == 0.0):
+                control[REDUCED] = 0.0  # a reduced Jacobian has scales
             control[LENGTH] = 0.0
             if not factorise_newton(m, h, p, jacobians):
                 control[KEPT] = 0.0  # the Jacobian may contain NaN

@@ -46,6 +46,8 @@ from ..compiled.sparse_solvers import (
 from .operators import FORCE, POSITION, PRIMARY
 from .structures import OF_SPEEDS, OF_VALUES, REDUCED, REST, SYSTEMS
 
+# Logarithm of the change of a scale with which a kept Jacobian gets new scales.
+_CHANGED_MUCH = 7.0
 # Option with which LAPACK computes no left eigenvectors.
 _WITHOUT = ord("N")
 # Option with which LAPACK computes right eigenvectors.
@@ -460,16 +462,22 @@ def set_entries(stage):
 
 
 @inner
-def set_scales(state, sizes, stage):
-    """Set scales of components to powers of 2: of the sizes (d,) to which they seem to grow."""
-    # a component without a size has the smallest scale: what it drives may be small
-    scales, least = stage.scales, np.inf
+def set_scales(state, sizes, stage, anew):
+    """Set scales to powers of 2, of the sizes (d,) to which components seem to grow.
+
+    If not `anew`, only where one has changed much; return whether scales were set. A component
+    without a size has the smallest scale: what it drives may be small.
+    """
+    scales, least, far = stage.scales, np.inf, anew
     for c in range(sizes.shape[0]):
-        scales[c] = max(sizes[c], min(state.reach[c], state.growth[c]))
-        least = min(least, scales[c]) if scales[c] > LEAST else least
-    for c in range(sizes.shape[0]):
-        size = scales[c] if scales[c] > LEAST else least if least < np.inf else 1.0
+        size = max(sizes[c], min(state.reach[c], state.growth[c]))
+        least = min(least, size) if size > LEAST else least
+        far = far or (size > LEAST and abs(math.log(size / scales[c])) > _CHANGED_MUCH)
+    for c in range(sizes.shape[0] if far else 0):
+        size = max(sizes[c], min(state.reach[c], state.growth[c]))
+        size = size if size > LEAST else least if least < np.inf else 1.0
         scales[c] = math.ldexp(1.0, math.frexp(size)[1] - 1)
+    return far
 
 
 @inner
