@@ -337,7 +337,7 @@ def test_steps_that_make_a_decaying_solution_grow_are_no_success_in_silence(sche
         assert "differ from a run to rtol=1e-4 by the size of the solution" in seen
         assert sol.stats["error_estimate"] > 1.0
     else:
-        assert "beyond the stability limit" in seen
+        assert "stability limit" in seen
 
 
 def test_a_chaotic_run_says_so_and_a_large_error_too():

@@ -7,7 +7,7 @@ import time
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import Any, NamedTuple
+from typing import Annotated, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -594,9 +594,9 @@ class _Traces(NamedTuple):
 
     right: RightSide
     h: float
-    shares: Vector  # (d,), weights of the diagonal
-    units: Vector  # (d,), for differences
-    jacobian: Matrix  # (d, d), workspace
+    shares: Annotated[Vector, "d"]  # weights of the diagonal
+    units: Annotated[Vector, "d"]  # sizes of y, for differences
+    jacobian: Annotated[Matrix, "d d"]  # workspace
 
 
 @entry(Reference(compiled_type(_Traces)), F8, MAT, VEC)

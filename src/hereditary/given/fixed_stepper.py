@@ -119,10 +119,8 @@ class FixedStepper(ResumableStepper, TangentStepper, JumpingStepper):
         self._misfit = misfit_on_given_steps(self.memory.kernel_errors, history)
         self._status, self._jumped = RUNNING, False
         self._starting: FirstSteps | None = None
-        self._seconds, self._most = (
-            0.0,
-            _MAX_NUMBERS_PER_CALL,
-        )  # seconds a step takes; most steps in one call
+        # seconds that a step takes; most steps in one call
+        self._seconds, self._most = 0.0, _MAX_NUMBERS_PER_CALL
         self._error: Exception | None = None
         self._breaks: frozenset[int] = frozenset()
 

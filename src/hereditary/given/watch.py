@@ -22,12 +22,13 @@ SMALLEST_CHANGE = 1e-300
 SHORT_WINDOW = 16
 # Steps in a row with diverging corrector sweeps that count as instability.
 DIVERGING = 3.0
+# Least change by a sweep that may diverge, as a fraction of the increment. With a tenth of it,
+# resolved components of two orders have false alarms.
+LARGE_SWEEP = 0.5
 # Least ratio of the smallest to the largest increment of a short batch in a lasting zigzag. At
 # 0.999 of its step limit, increments of the undamped oscillator still differ by a tenth.
 SHORT_ALIKE = 0.95
-# Least size of a large alternation, as a fraction of the solution. Least change by a sweep that may
-# diverge, as a fraction of the increment. Without it resolved runs of Lorenz's equations have false
-# alarms.
+# Least size of a large alternation, as a fraction of the solution.
 LARGE = 0.05
 # Total growth of the increment's changes over a series of turns that counts as instability. This
 # value is for turns at most QUICK steps apart. At 0.99 of its step limit the changes of the
@@ -114,7 +115,7 @@ def watch_sweep(own, moved, next_moved, increment, counts):
     """Note in counts.diverged the step at which corrector sweeps had diverged for some steps."""
     # moved: change of a component by the last sweep, next_moved that by one more. If sweeps
     # diverge, decaying modes grow, with or without turns.
-    large = abs(moved) > LARGE * abs(increment) and abs(moved) > SMALLEST_CHANGE
+    large = abs(moved) > LARGE_SWEEP * abs(increment) and abs(moved) > SMALLEST_CHANGE
     own.diverging = own.diverging + 1.0 if large and abs(next_moved) > abs(moved) else 0.0
     if own.diverging == DIVERGING and counts.diverged < 0:
         counts.diverged = counts.step
