@@ -37,7 +37,7 @@ def test_files_and_functions_are_small():
 BUDGETS = {
     "collocation": 5298,
     "given": 3674,
-    "solver": 2427,
+    "solver": 2429,
     "analysis": 2388,
     "compiled": 1921,
     "top": 1742,

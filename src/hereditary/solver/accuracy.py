@@ -368,6 +368,8 @@ def _with_no_estimate(solution: Solution, why: str) -> Solution:
 def _warn(accuracy: Accuracy, steps: str, unknown: str, jumps: list[float]) -> None:
     """Warn of large errors, and if an accurate run takes many steps or ends early."""
     # unknown: why that run ended early, or empty; jumps: times of jumps of f that nobody stated
+    if unknown == _LONGER:  # how far it came depends on the machine
+        return
     largest, errors = float(accuracy.largest.max()), ""
     ended, more = unknown.startswith(_ENDS), unknown.startswith(_MORE)
     if not (largest > _MAX_ERROR_WITHOUT_WARNING or ended or more):
