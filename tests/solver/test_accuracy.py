@@ -2,6 +2,7 @@
 
 import pickle
 import signal
+import time
 import warnings
 from concurrent.futures import ThreadPoolExecutor
 
@@ -228,6 +229,23 @@ def test_short_first_steps_of_an_accurate_run_do_not_count_as_many():
     sol, seen = quietly(eq, 0.02, 200, scheme=hd.BDF(2), save_every=10)
     assert not any("takes more than" in text for text in seen)
     assert "takes more than" not in sol.stats.get("error_unknown", "")
+
+
+def slow(t, y):
+    until = time.thread_time() + 2e-3
+    while time.thread_time() < until:
+        pass
+    return -5.0 * y
+
+
+@pytest.mark.filterwarnings("ignore::hereditary.PythonFunctionWarning")
+def test_no_warning_tells_how_far_an_accurate_run_came_in_its_time():
+    eq = hd.Equation(hd.Caputo(0.5), slow, 1.0)
+    quietly(eq, 20.0, 40, scheme=hd.BDF(2))  # the first run may compile, which takes its time too
+    sol, seen = quietly(eq, 20.0, 40, scheme=hd.BDF(2))
+    assert "takes longer than this run" in sol.stats["error_unknown"]
+    assert not seen
+    assert sol.check().largest.max() > 0.05
 
 
 def test_a_map_and_what_collocation_refuses_have_no_estimate():
