@@ -18,8 +18,8 @@ from typing import Annotated, Any, NamedTuple
 
 import numpy as np
 from numba import config, types
+from numba.core import cgutils
 from numba.extending import intrinsic
-from numba.np.arrayobj import populate_array
 from numpy.typing import ArrayLike
 
 from .callbacks import PythonRaised, call_at
@@ -333,7 +333,10 @@ def _views_of(typing_context, z, n, unit):
         for kind, place, shape in zip(kinds, places, shapes, strict=True):
             array = context.make_array(kind)(context, builder)
             strides = [builder.mul(width, size), size][-len(shape) :]
-            arrays.append(populate_array(array, place, shape, strides, size, None)._getvalue())
+            array.data, array.itemsize = place, size
+            array.nitems = shape[0] if len(shape) == 1 else builder.mul(*shape)
+            array.shape, array.strides = (cgutils.pack_array(builder, a) for a in (shape, strides))
+            arrays.append(array._getvalue())
         return context.make_tuple(builder, kinds, arrays)
 
     return kinds(z, types.intp, unit), codegen
