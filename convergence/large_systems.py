@@ -17,6 +17,7 @@ Where the entries of the Jacobian are stated a step takes a time in proportion t
 import time
 from functools import partial
 
+import numba
 import numpy as np
 import scipy.sparse as sp
 from _study import Claim, chosen, curves, fastest, in_turns, study
@@ -29,7 +30,6 @@ from hereditary.collocation.operators import FORCE
 from hereditary.collocation.quadrature import radau_integrals
 from hereditary.collocation.stage_solver import stage_solver
 from hereditary.collocation.structures import REDUCED, STAGES, SYSTEMS
-from hereditary.compiled.jit import derived
 from hereditary.compiled.reference import by_reference
 from hereditary.compiled.signatures import FACTORISE, SUBSTITUTE
 from hereditary.exact import mittag_leffler
@@ -124,7 +124,7 @@ def measure(quick):
     yield row("BDF(2)", "plane", m * m, seconds, error, sol.stats)
 
 
-@derived
+@numba.njit(error_model="numpy")
 def dense_run(solver, given, stages):
     """Make the linear algebra of a run by a compiled solver."""
     for k in range(LENGTHS):

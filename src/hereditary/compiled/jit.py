@@ -205,13 +205,13 @@ def _refuse_arrays(result):
             )
 
 
-def derived(fun, allocates=True, wrapped=True):
+def derived(fun, allocates=True):
     """Return a function that calls a user's functions, compiled for this process only.
 
     `allocates` is False if it neither makes nor returns arrays; then numba counts no references.
-    Python may call it only if it is `wrapped`.
+    Python cannot call it.
     """
-    how = _counting(allocates) | internals.without("cfunc", *["cpython"] * (not wrapped))
+    how = _counting(allocates) | internals.without("cfunc", "cpython")
     return njit(error_model="numpy", nogil=True, **how)(fun)
 
 
@@ -301,8 +301,7 @@ class DerivedValue:
     """
 
     def __init__(self, fun, allocates=True):
-        # keeps the machine code alive
-        self._compiled = as_value(derived(fun, allocates, wrapped=False), RHS_SIG)
+        self._compiled = as_value(derived(fun, allocates), RHS_SIG)  # keeps the machine code alive
         self.address, self.of_signature = self._compiled.address, RHS_SIG
         self._numba_type_ = FunctionField(RHS_SIG)
 

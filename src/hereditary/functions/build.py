@@ -231,12 +231,12 @@ def _build(candidate: Candidate, key: tuple, arity: int, form: str) -> tuple[Any
         returned = jitted.nopython_signatures[0].return_type
         simple = isinstance(returned, (types.NoneType, types.Number, types.Boolean))
         if isinstance(returned, types.Tuple):  # entries of several types
-            jitted = derived(_as_array(jitted), wrapped=False)
+            jitted = derived(_as_array(jitted))
         if k or start.paired:
-            jitted = derived(_of_parts(jitted, k, unit), not simple, wrapped=False)
+            jitted = derived(_of_parts(jitted, k, unit), not simple)
         adapter = _adapter(jitted, candidate, arity, form, unit)
         if _PAST_READ_ONLY & code_names(key[0]):
-            adapter, simple = _of_copies(derived(adapter, wrapped=False)), False
+            adapter, simple = _of_copies(derived(adapter)), False
         return DerivedValue(adapter, allocates=not simple), ""
     except Exception as error:  # numba raises exceptions of many types
         if _compiles(fresh(fun, inner, inside), [a.copy(readonly=False) for a in own[1:]]):
