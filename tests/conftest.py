@@ -50,6 +50,10 @@ def _untold(monkeypatch):
 
 @pytest.fixture(autouse=True)
 def _estimates(request, monkeypatch):
-    """Let tests that are not marked take coarse steps on purpose, without estimates of errors."""
+    """Let tests that are not marked take coarse steps on purpose, without estimates of errors.
+
+    Estimates have a minute: no test depends on how busy the processor is.
+    """
+    monkeypatch.setattr("hereditary.solver.accuracy._MIN_SECONDS_ALLOWED", 60.0)
     if not request.node.get_closest_marker("estimates"):
         monkeypatch.setattr("hereditary.solver.accuracy._off.value", True)

@@ -12,7 +12,7 @@ No other file knows the fields.
 
 import ctypes
 from collections.abc import Sequence
-from functools import lru_cache
+from functools import lru_cache, reduce
 from types import SimpleNamespace
 from typing import Annotated, Any, NamedTuple
 
@@ -333,8 +333,7 @@ def _views_of(typing_context, z, n, unit):
         for kind, place, shape in zip(kinds, places, shapes, strict=True):
             array = context.make_array(kind)(context, builder)
             strides = [builder.mul(width, size), size][-len(shape) :]
-            array.data, array.itemsize = place, size
-            array.nitems = shape[0] if len(shape) == 1 else builder.mul(*shape)
+            array.data, array.itemsize, array.nitems = place, size, reduce(builder.mul, shape)
             array.shape, array.strides = (cgutils.pack_array(builder, a) for a in (shape, strides))
             arrays.append(array._getvalue())
         return context.make_tuple(builder, kinds, arrays)

@@ -22,8 +22,7 @@ def zeros(cls: type[_T], **sizes: int) -> _T:
     Fields that are numbers are 0.
     """
     made: Any = cls
-    lengths = {".": 0} | sizes
-    return made(*[_zero(kind, shape, lengths) for kind, shape in _fields(made)])
+    return made(*[_zero(kind, shape, {".": 0} | sizes) for kind, shape in _fields(made)])
 
 
 @cache
@@ -35,9 +34,8 @@ def _fields(cls):
 
 
 def _zero(kind, shape, lengths):
-    if shape is None:
-        return kind()
-    return np.zeros([_length(axis, lengths) for axis in shape.split()], kind)
+    axes = [] if shape is None else [_length(axis, lengths) for axis in shape.split()]
+    return kind() if shape is None else np.zeros(axes, kind)
 
 
 def _length(axis, lengths):
