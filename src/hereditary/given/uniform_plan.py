@@ -83,7 +83,7 @@ def uniform_plan(
             found.append(_over(total, [start_of(*term) for term in key] if weighs else []))
         if starts[0][0] and theta > 0 and not integral:
             # the first interval has no parabola, so its own weight is a_0 = theta**p
-            scale[i, 0] = sum(f * p.seen(theta, 1)[0] for f, _, p in terms) / total
+            scale[i, 0] = sum(f * p.integrals(theta, 1)[0] for f, _, p in terms) / total
     amplitudes, powers = drift_of_speed(system, whole)
     if integral:
         amplitudes[:, ~system.is_memory] = 0.0

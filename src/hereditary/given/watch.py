@@ -48,74 +48,74 @@ SLOWEST = 11.0
 
 
 @inner
-def watch_turn(own, change, increment, size, slowest, counts):
-    """Update a component's record `own` at a turn, and note signs of instability in `counts`."""
+def watch_turn(record, change, increment, size, slowest, counts):
+    """Update a component's record at a turn, and note signs of instability in `counts`."""
     # size: that of y; turns more than slowest steps apart are of a resolved oscillation.
     # counts.zigzag becomes the step at which a zigzag has lasted, counts.growth that at which
     # changes have grown.
     change, increment, size, n = abs(change), abs(increment), abs(size), float(counts.step)
-    length, before = n - own.turned, own.change
+    length, before = n - record.turned, record.change
     growth = 1.0
     if length <= slowest and before > 0.0:
-        growth = max(1.0, own.growth * min(change / before, FASTEST))
-    own.turned, own.change, own.growth = n, change, growth
+        growth = max(1.0, record.growth * min(change / before, FASTEST))
+    record.turned, record.change, record.growth = n, change, growth
     enough = GROWN if length <= QUICK else LONG_GROWN
     if growth > enough and change > ZIGZAG_FLOOR * size and counts.growth < 0:
         counts.growth = counts.step
-    if own.turns >= 0.0:
-        watch_turning(own, change, size, length, counts)
+    if record.turns >= 0.0:
+        watch_turning(record, change, size, length, counts)
     if length > 1.0:
-        own.alternating, own.largest, own.before = 0.0, 0.0, 0.0
-    watch_zigzag(own, increment, size, counts)
+        record.alternating, record.largest, record.before = 0.0, 0.0, 0.0
+    watch_zigzag(record, increment, size, counts)
 
 
 @inner
-def watch_turning(own, change, size, length, counts):
+def watch_turning(record, change, size, length, counts):
     """Note in counts.zigzag the step at which a series of quick, large turns did not shrink."""
     # Beyond the step limit a force that saturates keeps an orbit turning so; below it modes of
     # order below 2 shrink. Undamped oscillators of order 2 do not, and are not watched here.
     if length > QUICK:
-        own.turns, own.turning, own.turning_before = 0.0, 0.0, 0.0
-    own.turns += 1.0
-    own.turning = max(own.turning, change)
-    if own.turns % ZIGZAG_WINDOW == 0.0:
-        kept = own.turning_before > 0.0 and own.turning >= ZIGZAG_KEPT * own.turning_before
+        record.turns, record.turning, record.turning_before = 0.0, 0.0, 0.0
+    record.turns += 1.0
+    record.turning = max(record.turning, change)
+    if record.turns % ZIGZAG_WINDOW == 0.0:
+        kept = record.turning_before > 0.0 and record.turning >= ZIGZAG_KEPT * record.turning_before
         large = change > LARGE * size and change > SMALLEST_CHANGE
         if kept and large and counts.zigzag < 0:
             counts.zigzag = counts.step
-        own.turning_before, own.turning = own.turning, 0.0
+        record.turning_before, record.turning = record.turning, 0.0
 
 
 @inner
-def watch_zigzag(own, increment, size, counts):
+def watch_zigzag(record, increment, size, counts):
     """Note in counts.zigzag the first step at which a lasting alternation did not shrink."""
-    # size: that of the solution; own counts the steps of the alternation
-    if own.alternating % SHORT_WINDOW == 0.0:
-        own.least, own.most = increment, increment
-    own.alternating += 1.0
-    own.largest = max(own.largest, increment)
-    own.least = min(own.least, increment)
-    own.most = max(own.most, increment)
-    size += own.most
+    # size: that of the solution; the record counts the steps of the alternation
+    if record.alternating % SHORT_WINDOW == 0.0:
+        record.least, record.most = increment, increment
+    record.alternating += 1.0
+    record.largest = max(record.largest, increment)
+    record.least = min(record.least, increment)
+    record.most = max(record.most, increment)
+    size += record.most
     sustained = False
-    if own.alternating % SHORT_WINDOW == 0.0:
-        alike = own.least >= SHORT_ALIKE * own.most
-        sustained = alike and own.most > LARGE * size
-    if own.alternating % ZIGZAG_WINDOW == 0.0:
-        kept = own.before > 0.0 and own.largest >= ZIGZAG_KEPT * own.before
-        sustained = sustained or (kept and own.largest > ZIGZAG_FLOOR * size)
-        own.before = own.largest
-        own.largest = 0.0
+    if record.alternating % SHORT_WINDOW == 0.0:
+        alike = record.least >= SHORT_ALIKE * record.most
+        sustained = alike and record.most > LARGE * size
+    if record.alternating % ZIGZAG_WINDOW == 0.0:
+        kept = record.before > 0.0 and record.largest >= ZIGZAG_KEPT * record.before
+        sustained = sustained or (kept and record.largest > ZIGZAG_FLOOR * size)
+        record.before = record.largest
+        record.largest = 0.0
     if sustained and size > SMALLEST_CHANGE and counts.zigzag < 0:
         counts.zigzag = counts.step
 
 
 @inner
-def watch_sweep(own, moved, next_moved, increment, counts):
+def watch_sweep(record, moved, next_moved, increment, counts):
     """Note in counts.diverged the step at which corrector sweeps had diverged for some steps."""
     # moved: change of a component by the last sweep, next_moved that by one more. If sweeps
     # diverge, decaying modes grow, with or without turns.
     large = abs(moved) > LARGE_SWEEP * abs(increment) and abs(moved) > SMALLEST_CHANGE
-    own.diverging = own.diverging + 1.0 if large and abs(next_moved) > abs(moved) else 0.0
-    if own.diverging == DIVERGING and counts.diverged < 0:
+    record.diverging = record.diverging + 1.0 if large and abs(next_moved) > abs(moved) else 0.0
+    if record.diverging == DIVERGING and counts.diverged < 0:
         counts.diverged = counts.step

@@ -23,7 +23,7 @@ SECOND_DIFFERENCES = WeightRule(lambda kernel, n: kernel.differences(n))
 def shifted_differences(theta: float) -> WeightRule:
     """Return the rule whose weights are integrals of the kernel over [k-1+theta, k+theta]."""
     # for first derivatives at t_n + theta h; the interval of k = 0 is [0, theta]
-    return WeightRule(lambda kernel, n: kernel.seen(theta, n))
+    return WeightRule(lambda kernel, n: kernel.integrals(theta, n))
 
 
 # Rule of first derivatives at the end of a step: integrals of the kernel over [k, k+1].
@@ -84,7 +84,7 @@ def parabola_start(theta: float) -> WeightRule:
 
 def _parabola(theta: float, closing: bool, kernel: Any, n: int) -> np.ndarray:
     moments = kernel.moments(theta, n + 1)
-    weights = kernel.seen(theta, n) + moments[..., 1:] - moments[..., :-1]
+    weights = kernel.integrals(theta, n) + moments[..., 1:] - moments[..., :-1]
     if closing:
         last = np.asarray(kernel.last_moment())
         weights[..., 0] += last

@@ -160,9 +160,8 @@ class Kernel(MemoryKernel):
     def _slope_at_zero(self) -> float:
         """Return a of K ~ t**-a from values at the smallest times; an a near 0 counts as 0."""
         with np.errstate(all="ignore"):
-            pairs = np.abs(self._at(np.concatenate([_TIMES_NEAR_0, 2 * _TIMES_NEAR_0]))).reshape(
-                2, -1
-            )
+            values = self._at(np.concatenate([_TIMES_NEAR_0, 2 * _TIMES_NEAR_0]))
+        pairs = np.abs(values).reshape(2, -1)
         usable = np.flatnonzero(np.all(np.isfinite(pairs) & (pairs > 0), axis=0))
         if usable.size == 0 and np.isfinite(pairs).all():
             return 0.0  # the function is 0 up to some time
@@ -188,11 +187,10 @@ class Kernel(MemoryKernel):
         edges = np.unique(np.concatenate([np.geomspace(low, ends[-1], n)[:-1], ends, self._knots]))
         edges = edges[edges <= ends[-1]]
         sizes = np.diff(edges)[:, None]
-        pieces = (sizes * _GAUSS_WEIGHTS * self(edges[:-1, None] + sizes * _GAUSS_NODES)).sum(
-            axis=1
-        )
+        values = self(edges[:-1, None] + sizes * _GAUSS_NODES)
+        panels = (sizes * _GAUSS_WEIGHTS * values).sum(axis=1)
         first = edges[0] * float(self(edges[0])) / p
-        sums = np.cumsum(np.append(first, pieces))
+        sums = np.cumsum(np.append(first, panels))
         return np.where(t > 0, sums[np.searchsorted(edges, t)], 0.0)
 
     def _closest(self, t_min: float, t_max: float, tol: float, fading: bool) -> ExponentialSum:
@@ -224,10 +222,8 @@ def _curve(t: ArrayLike, values: ArrayLike) -> Kernel:
     if times.size < 4 or times[0] <= 0 or np.any(data <= 0):
         required = "be positive at 4 times t > 0 or more, and 0 before and after them only"
         refuse("values", required, data.tolist()[:6])
-    curve, ends = (
-        CubicSpline(np.log(times), np.log(data), bc_type="natural"),
-        np.log(times[[0, -1]]),
-    )
+    curve = CubicSpline(np.log(times), np.log(data), bc_type="natural")
+    ends = np.log(times[[0, -1]])
     slopes = curve(ends, 1)
 
     def curve_through_table(t: np.ndarray) -> np.ndarray:
@@ -317,13 +313,13 @@ class TabulatedKernel(Kernel):
             got = f"{np.count_nonzero(inside)} between {t_min:g} and {t_max:g}"
             refuse("the table", "have at least 4 times", got)
         times, values = self._t[inside], self._values[inside]
-        found = ExponentialSum(*closest_table(times, values, t_min, t_max, tol, True))
-        rms = root_mean_square(found(times) / values - 1)
+        fit = ExponentialSum(*closest_table(times, values, t_min, t_max, tol, True))
+        rms = root_mean_square(fit(times) / values - 1)
         if rms > tol * (1 + 1e-9):
             remedy = "allow for the noise; only completely monotone data can be fitted closely"
             required = f"be at least {1.01 * rms:.2g}, the rms misfit of the best positive sum"
             refuse("tol", required, tol, remedy)
-        return found
+        return fit
 
     def _closest(self, t_min: float, t_max: float, tol: float, fading: bool) -> ExponentialSum:
         """Fit all data from about `t_min` on, and the power law before, perhaps not to `tol`."""

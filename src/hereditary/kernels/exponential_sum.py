@@ -96,8 +96,8 @@ def fit_unit(
     goal = tol / _CERTIFICATE
     allowed = max(goal, _MIN_TOL_BY_ROUNDING[0] + _MIN_TOL_BY_ROUNDING[1] * math.log(ratio))
     for tried in _FRACTIONS if fraction is None else (fraction,):
-        found = _construct(exponents, ratio, goal * tried)
-        rates, weights, error = _trim(exponents, ratio, allowed, found)
+        grid = _construct(exponents, ratio, goal * tried)
+        rates, weights, error = _trim(exponents, ratio, allowed, grid)
         if error <= allowed or tried == fraction:
             break
     else:
@@ -226,11 +226,11 @@ def _slow_tail(a: float, h: float, j_slow: int, m: int) -> tuple[np.ndarray, np.
 
 
 def _trim(
-    exponents: tuple[float, ...], ratio: float, goal: float, found: _Grid
+    exponents: tuple[float, ...], ratio: float, goal: float, grid: _Grid
 ) -> tuple[np.ndarray, np.ndarray, float]:
     """Drop the fastest rates while errors are below `goal`; return rates, weights and error."""
     # log(t) is a multiple of a fraction of the grid, so that t times rate has few values
-    slow, h, first, weights = found
+    slow, h, first, weights = grid
     n_slow, n = slow.size, weights.shape[1]
     finer = max(0, math.ceil(math.log2(_FEWEST_POINTS * h / (_DIVISIONS * math.log(ratio)))))
     between = _DIVISIONS * 2**finer
@@ -251,7 +251,7 @@ def _trim(
         if trial_error > goal:
             break
         excess, error, n = trial, trial_error, n - 1
-    return *found.kept(n), error
+    return *grid.kept(n), error
 
 
 @lru_cache(maxsize=16)

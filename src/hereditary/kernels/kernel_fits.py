@@ -235,10 +235,8 @@ def _least_squares(samples: Samples, rates: np.ndarray) -> tuple[np.ndarray, np.
 
 def _rate_grid(ratio: float, step: float, tol: float, fading: bool = False) -> np.ndarray:
     """Return rate 0, and rates even in the logarithm up to one of exp(-3) tol at t = 1."""
-    first, last = (
-        math.floor(math.log(_SLOWEST / ratio) / step),
-        math.ceil(math.log(3.0 - math.log(tol)) / step),
-    )
+    first = math.floor(math.log(_SLOWEST / ratio) / step)
+    last = math.ceil(math.log(3.0 - math.log(tol)) / step)
     grid = np.exp(step * np.arange(first, last + 1))
     return grid if fading else np.append(0.0, grid)
 
@@ -259,8 +257,8 @@ def _refinement(
     # use and their neighbours resolve a continuous spectrum. A lone rate is the mean of the two
     # rates that surround it, up to the square of their distance.
     used = weights > 0
-    near = (used[1:] | used[:-1]) & (rates[:-1] > 0)
-    middles = np.sqrt(rates[:-1] * rates[1:])[near]
+    beside_used = (used[1:] | used[:-1]) & (rates[:-1] > 0)
+    middles = np.sqrt(rates[:-1] * rates[1:])[beside_used]
     r, w = rates[used], weights[used]
     means = (w[:-1] * r[:-1] + w[1:] * r[1:]) / (w[:-1] + w[1:])
     new, table, _ = _unit_columns(samples, np.setdiff1d(np.append(middles, means), rates))
@@ -358,34 +356,32 @@ def _rates_of_signed(
     # its first column. It is reduced to singular values above a cut [HuaSarkar1990]. Samples from a
     # part of the time resolve fast oscillations. The last sets have grids turned by 45 degrees, for
     # kernels whose transforms have an essential singularity on the negative axis.
-    pencils = []
+    sets_of_pencils = []
     for last in (end, 1.0 + (ratio - 1.0) / _PENCIL_LENGTH_RATIO):
         times, h = np.linspace(1.0, last, _PENCIL_SAMPLES, retstep=True)
-        sizes, columns = np.linalg.eigh(
-            sliding_window_view(kernel(times[:-1] * t_min), _PENCIL_SAMPLES // 2)
-        )
+        values = kernel(times[:-1] * t_min)
+        sizes, columns = np.linalg.eigh(sliding_window_view(values, _PENCIL_SAMPLES // 2))
         order = np.argsort(-np.abs(sizes))
         sizes, columns = np.abs(sizes)[order], columns[:, order]
         counts = {min(_MAX_PENCIL, np.count_nonzero(sizes > cut * sizes[0])) for cut in _CUTS}
-        found = []
+        sets = []
         for n in sorted(counts):
             kept = columns[:, :n]
             poles = np.linalg.eigvals(np.linalg.lstsq(kept[:-1], kept[1:], rcond=None)[0])
             rates = -np.log(poles[poles != 0].astype(complex)) / h
             rates = np.maximum(rates.real, 0.0) + 1j * rates.imag
             pairs = rates[(rates.imag > 0) & (rates.imag < 0.99 * math.pi / h)]
-            found.append(np.concatenate([rates[rates.imag == 0], pairs, pairs.conj()]))
-        pencils.append(found)
+            sets.append(np.concatenate([rates[rates.imag == 0], pairs, pairs.conj()]))
+        sets_of_pencils.append(sets)
         # pencils of steep kernels may have no rates
-        yield from (rates for rates in found if rates.size and not rates.imag.any())
-    grids = [
-        _rate_grid(ratio, step * trapezoid_step(0.5, tol), tol, fading) for step in (1.0, 0.6, 0.4)
-    ]
+        yield from (rates for rates in sets if rates.size and not rates.imag.any())
+    step = trapezoid_step(0.5, tol)
+    grids = [_rate_grid(ratio, spacing * step, tol, fading) for spacing in (1.0, 0.6, 0.4)]
     yield from grids[:2]
-    yield from (rates for found in pencils for rates in found if rates.imag.any())
+    yield from (rates for sets in sets_of_pencils for rates in sets if rates.imag.any())
     yield grids[2]
-    yield from (np.append(grid, found[len(found) // 2]) for found in pencils for grid in grids)
-    yield from (np.append(grid, found[-2:][0]) for found in pencils for grid in grids[:2])
+    yield from (np.append(grid, sets[len(sets) // 2]) for sets in sets_of_pencils for grid in grids)
+    yield from (np.append(grid, sets[-2:][0]) for sets in sets_of_pencils for grid in grids[:2])
     for every in (2, 1):
         turned = grids[1][grids[1] > 0][::every] * np.exp(0.25j * math.pi)
         yield np.concatenate([grids[1], turned, turned.conj()])
@@ -404,8 +400,8 @@ def _signed_sums(
     q, r, order = qr(table, mode="economic", pivoting=True, check_finite=False)
     sizes, values = np.abs(r.diagonal()), fitted.values / fitted.size
     counts = sorted({np.count_nonzero(sizes > cut * sizes[0]) for cut in _CUTS})
-    part = q[:, : counts[-1]]
-    if _largest(part @ (part.T @ values) - values) >= best:
+    basis = q[:, : counts[-1]]
+    if _largest(basis @ (basis.T @ values) - values) >= best:
         return
     rates, table, scale = _unit_columns(samples, rates[order[: counts[-1]]])
     values = samples.values / samples.size
@@ -418,8 +414,8 @@ def _signed_sums(
 
 def _with_pairs(rates: np.ndarray, weights: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return rates and complex weights of exponentials, from weights of cosines and sines."""
-    own, place = np.unique(np.append(rates, rates.conj()), return_inverse=True)
-    found = np.zeros(own.size, dtype=complex)
+    paired, place = np.unique(np.append(rates, rates.conj()), return_inverse=True)
+    amplitudes = np.zeros(paired.size, dtype=complex)
     halves = 0.5 * weights * np.where(rates.imag < 0, -1j, 1.0)
-    np.add.at(found, place, np.append(halves, halves.conj()))
-    return own, found
+    np.add.at(amplitudes, place, np.append(halves, halves.conj()))
+    return paired, amplitudes

@@ -58,8 +58,8 @@ def inverted(transform: Callable, t: ArrayLike, scale: float = _SCALE) -> np.nda
     # t > 0; scale: size of the hyperbola, 6 to 12.4; errors are 1e-14 of the mean from 0 to t
     t = np.asarray(t, dtype=float)
     shape, times = np.exp(scale * ZETA) * WEIGHTS, t.reshape(-1, 1)
-    parts = np.array_split(times, 1 + times.size // _MAX_TIMES_AT_ONCE)
-    values = [transform(scale * ZETA / part) @ shape * scale / part[:, 0] for part in parts]
+    batches = np.array_split(times, 1 + times.size // _MAX_TIMES_AT_ONCE)
+    values = [transform(scale * ZETA / some) @ shape * scale / some[:, 0] for some in batches]
     return np.concatenate(values).real.reshape(t.shape)
 
 
@@ -102,16 +102,13 @@ class LaplaceKernel(Kernel):
         with np.errstate(all="ignore"):
             if self._rounding(_TIMES_OF_ROUNDING[:1])[0] < _MAX_CHANGE_BY_ROUNDING:
                 return  # then it is at later times too
-            sizes = np.nan_to_num(
-                self._sizes(_TIMES_OF_ROUNDING, inverted(self.laplace, _TIMES_OF_ROUNDING))
-            )
+            values = inverted(self.laplace, _TIMES_OF_ROUNDING)
+            sizes = np.nan_to_num(self._sizes(_TIMES_OF_ROUNDING, values))
             if self._signed:  # errors count relative to the largest |K| from each time on
                 self._largest = np.maximum.accumulate(np.append(sizes[1:], 0.0)[::-1])[::-1]
             moved = self._rounding(_TIMES_OF_ROUNDING)
-        exact, self._rounded = (
-            moved < _MAX_CHANGE_BY_ROUNDING,
-            np.maximum.accumulate(moved[::-1])[::-1],
-        )
+        exact = moved < _MAX_CHANGE_BY_ROUNDING
+        self._rounded = np.maximum.accumulate(moved[::-1])[::-1]
         self._first = float(_TIMES_OF_ROUNDING[np.argmax(exact)]) if exact.any() else 0.0
 
     def _sizes(self, t: np.ndarray, values: np.ndarray) -> np.ndarray:
@@ -122,10 +119,8 @@ class LaplaceKernel(Kernel):
     def _rounding(self, t: np.ndarray) -> np.ndarray:
         """Return the change of values at times t, relative to their size, by rounding of s."""
         values = inverted(self.laplace, t)
-        moved = [
-            inverted(lambda s, by=by: self.laplace(s * (1 + by)), t)
-            for by in _RELATIVE_CHANGES_OF_S
-        ]
+        changes = _RELATIVE_CHANGES_OF_S
+        moved = [inverted(lambda s, by=by: self.laplace(s * (1 + by)), t) for by in changes]
         difference = np.abs(np.array(moved) - values).max(axis=0)
         return np.nan_to_num(difference / self._sizes(t, values), nan=np.inf)
 
@@ -137,32 +132,28 @@ class LaplaceKernel(Kernel):
             early = np.abs(self._inverted(self._first * np.array([1.0, 2.0])))
             # the early values of a signed kernel may be rounding relative to its later values
             early = np.maximum(early, _MAX_CHANGE_BY_ROUNDING * self._largest[_rung(self._first)])
-            return max(
-                0.0, round(float(np.nan_to_num(np.log2(early[0] / early[1]))), _EXPONENT_DECIMALS)
-            )
+            slope = float(np.nan_to_num(np.log2(early[0] / early[1])))
+        return max(0.0, round(slope, _EXPONENT_DECIMALS))
 
     def _at(self, t: np.ndarray) -> np.ndarray:
         """Return values at times of shape (n,), by polynomials unless K is signed."""
         later = np.maximum(t, self._first)
-        values = (
-            self._inverted(later)
-            if self._signed
-            else by_polynomials(self._inverted, later, self._polynomials)
-        )
+        if self._signed:
+            values = self._inverted(later)
+        else:
+            values = by_polynomials(self._inverted, later, self._polynomials)
         return values if self._first == 0.0 else values * (later / t) ** self._exponent
 
     def _inverted(self, t: np.ndarray) -> np.ndarray:
         """Return values at times of shape (n,), and check some of them by a second inversion."""
         values = inverted(self.laplace, t)
         some = slice(None, None, 1 + t.size // _MAX_VALUES_CHECKED)
-        times, seen = t[some], values[some]
-        difference = np.abs(inverted(self.laplace, times, _OTHER) - seen)
-        difference = np.nan_to_num(difference / self._sizes(times, seen))
+        times, checked = t[some], values[some]
+        difference = np.abs(inverted(self.laplace, times, _OTHER) - checked)
+        difference = np.nan_to_num(difference / self._sizes(times, checked))
         worst = int(np.argmax(difference)) if times.size else 0
-        if np.any(
-            difference
-            > _MAX_INVERSION_DIFFERENCE + _DIFFERENCE_PER_ROUNDING * self._rounded[_rung(times)]
-        ):
+        by_rounding = _DIFFERENCE_PER_ROUNDING * self._rounded[_rung(times)]
+        if np.any(difference > _MAX_INVERSION_DIFFERENCE + by_rounding):
             required = "be analytic off the negative real axis"
             got = f"inversions that differ by {difference[worst]:.1e} at t = {times[worst]:g}"
             remedy = "a pole elsewhere is a pair of rates of hereditary.Prony"
@@ -173,8 +164,10 @@ class LaplaceKernel(Kernel):
         """Return ``int_0^t K``, the inverse of ``F(s) / s``."""
         t = np.asarray(t, dtype=float)
         later = np.maximum(np.where(t > 0, t, 1.0), self._first)
-        found = inverted(lambda s: self.laplace(s) / s, later)
-        return np.where(t > 0, found * (np.minimum(t, later) / later) ** (1 - self._exponent), 0.0)
+        integrals = inverted(lambda s: self.laplace(s) / s, later)
+        return np.where(
+            t > 0, integrals * (np.minimum(t, later) / later) ** (1 - self._exponent), 0.0
+        )
 
     def laplace(self, s: ArrayLike) -> np.ndarray:
         """Return the given transform at s."""

@@ -84,10 +84,10 @@ class MemoryKernel(ABC):
 
     def fit(self, t_min: float, t_max: float, tol: float) -> ExponentialSum:
         """Return the kernel as a sum of exponentials on [t_min, t_max]; see `fit_exponentials`."""
-        found = self.closest_fit(t_min, t_max, tol)
-        if found.max_error > tol:
-            refuse("tol", f"be at least {1.1 * found.max_error:.1e} for this kernel", tol)
-        return found
+        fit = self.closest_fit(t_min, t_max, tol)
+        if fit.max_error > tol:
+            refuse("tol", f"be at least {1.1 * fit.max_error:.1e} for this kernel", tol)
+        return fit
 
     def closest_fit(
         self, t_min: float, t_max: float, tol: float, fading: bool = False
@@ -254,18 +254,18 @@ class Prony(_Exponentials):
         if np.any(rate.real < 0):
             remedy = "pass a function that grows as hereditary.Kernel(function, signed=True)"
             refuse("rates", "not be negative", rate.tolist(), remedy)
-        own, index = np.unique(rate, return_inverse=True)
-        masses = np.zeros(own.size, dtype=weight.dtype)
+        distinct, index = np.unique(rate, return_inverse=True)
+        masses = np.zeros(distinct.size, dtype=weight.dtype)
         np.add.at(masses, index, weight)
-        order = in_pairs(own)
-        own, masses = own[order], masses[order]
-        if not own.imag.any():
+        order = in_pairs(distinct)
+        distinct, masses = distinct[order], masses[order]
+        if not distinct.imag.any():
             all_positive("weights", masses)
-        with_both = own[in_pairs(own.conj())], masses[in_pairs(own.conj())]
-        if not np.allclose(with_both, (own.conj(), masses.conj()), rtol=1e-12, atol=0):
+        with_both = distinct[in_pairs(distinct.conj())], masses[in_pairs(distinct.conj())]
+        if not np.allclose(with_both, (distinct.conj(), masses.conj()), rtol=1e-12, atol=0):
             required, remedy = "be complex in conjugate pairs", "the kernel is real"
-            refuse("rates and weights", required, own.tolist(), remedy)
-        object.__setattr__(self, "rates", tuple(own.tolist()))
+            refuse("rates and weights", required, distinct.tolist(), remedy)
+        object.__setattr__(self, "rates", tuple(distinct.tolist()))
         object.__setattr__(self, "weights", tuple(masses.tolist()))
 
 

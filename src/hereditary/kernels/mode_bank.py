@@ -26,10 +26,11 @@ class Bank(NamedTuple):
     @classmethod
     def of(cls, sums: Iterable[Any]) -> Bank:
         """Merge sums with `rates` (m,) and `weights` (m,) or (j, m), which share no rates."""
-        parts = [(own.rates, np.atleast_2d(own.weights)) for own in sums]
-        rates, (row, column) = np.concatenate([own for own, _ in parts]), (0, 0)
-        weights = np.zeros((sum(len(block) for _, block in parts), rates.size), rates.dtype)
-        for _, block in parts:
+        sums, row, column = list(sums), 0, 0
+        rates = np.concatenate([each.rates for each in sums])
+        blocks = [np.atleast_2d(each.weights) for each in sums]
+        weights = np.zeros((sum(map(len, blocks)), rates.size), rates.dtype)
+        for block in blocks:
             last, end = row + block.shape[0], column + block.shape[1]
             weights[row:last, column:end] = block
             row, column = last, end
@@ -63,9 +64,9 @@ class Bank(NamedTuple):
         if self.rates.dtype.kind != "c":
             return modes
         n = self.rates.size
-        found = modes[..., :n].astype(complex)
-        found.imag[..., self.n_real :] = modes[..., n:]
-        return found
+        values = modes[..., :n].astype(complex)
+        values.imag[..., self.n_real :] = modes[..., n:]
+        return values
 
 
 def damping(rates: np.ndarray, times: np.ndarray) -> np.ndarray:

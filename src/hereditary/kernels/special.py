@@ -109,5 +109,5 @@ def graded_unit(n: int) -> tuple[np.ndarray, np.ndarray]:
         for k, (low, high) in enumerate(pairwise(ends))
         for u, weights in [gauss_unit(max(16, n >> (50 - k)))]
     ]
-    nodes, weights = (np.concatenate(part) for part in zip(*panels, strict=True))
+    nodes, weights = map(np.concatenate, zip(*panels, strict=True))
     return nodes, weights

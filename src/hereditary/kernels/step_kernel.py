@@ -37,7 +37,7 @@ class PowerSteps:
         """Return b_0, and then ``b_k - b_(k-1)`` for k < n."""
         return special.power_second_differences(self.p, n)
 
-    def seen(self, theta: float, n: int) -> np.ndarray:
+    def integrals(self, theta: float, n: int) -> np.ndarray:
         """Return integrals over [k-1+theta, k+theta] for k < n; over [0, theta] for k = 0."""
         weights = np.full(n, theta**self.p)
         if n > 1:
@@ -77,13 +77,13 @@ class ExponentialSteps:
         """Return values at times t (n,), shape (M, n); at t < 0 the finite values at 0."""
         return self.weights[:, None] * np.exp(-np.multiply.outer(self.rates, np.maximum(t, 0.0)))
 
-    def seen(self, theta: float, n: int) -> np.ndarray:
-        """Return the integrals of `PowerSteps.seen`, valid from k = 1 on."""
+    def integrals(self, theta: float, n: int) -> np.ndarray:
+        """Return the integrals of `PowerSteps.integrals`, valid from k = 1 on."""
         return special.mean_exponential(self.rates)[:, None] * self.at(np.arange(n) - 1 + theta)
 
     def differences(self, n: int) -> np.ndarray:
         """Return the differences of `PowerSteps.differences`, valid from k = 1 on."""
-        return np.expm1(-self.rates)[:, None] * self.seen(0.0, n)
+        return np.expm1(-self.rates)[:, None] * self.integrals(0.0, n)
 
     def moments(self, theta: float, n: int) -> np.ndarray:
         """Return the moments of `PowerSteps.moments`, valid from k = 1 on."""
@@ -148,13 +148,13 @@ class StepKernel:
 
     def shares(self, n: int) -> np.ndarray:
         """Return integrals b_k over [k, k+1] for k < n."""
-        return self.seen(1.0, n)
+        return self.integrals(1.0, n)
 
     def differences(self, n: int) -> np.ndarray:
         """Return b_0, and then ``b_k - b_(k-1)`` for k < n."""
         return np.diff(self.shares(n), prepend=0.0)
 
-    def seen(self, theta: float, n: int) -> np.ndarray:
+    def integrals(self, theta: float, n: int) -> np.ndarray:
         """Return integrals over [k-1+theta, k+theta] for k < n; over [0, theta] for k = 0."""
         # by Gauss's rule: from k = 2 on the singularity of the kernel is at least one interval
         # away, where sixteen points leave an error of 5.8**-32

@@ -45,8 +45,8 @@ class Direct(History):
 
     def memory(self, past: Past, n_columns: int, n_block: int, span: Any) -> OpenHistory:
         """Return a new memory that stores all pieces; see `History.memory`."""
-        own = _Pieces if isinstance(past, Convolution) else _PiecesByRows
-        return own(past, n_columns, n_block)
+        memory_class = _Pieces if isinstance(past, Convolution) else _PiecesByRows
+        return memory_class(past, n_columns, n_block)
 
 
 class _Pieces(OpenHistory):

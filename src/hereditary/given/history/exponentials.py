@@ -108,8 +108,8 @@ class SumOfExponentials(History):
         if isinstance(past, RowSums):
             mesh = past.steps.mesh
             covered = self._covered(span + 1, (), span) if mesh is None else self._span(mesh, span)
-            own = _ModesOfAllOrders if past.varies else _FittedModes
-            return own(past, n_columns, covered, float(self.tol))
+            memory_class = _ModesOfAllOrders if past.varies else _FittedModes
+            return memory_class(past, n_columns, covered, float(self.tol))
         # cover one more block than the run has, because lags are computed for whole blocks
         kernels = past.kernels
         covered = self._covered(span + n_block, kernels, span)
@@ -152,7 +152,7 @@ def _tabulated(convolution: Convolution, covered: float, tol: float, n_block: in
     exponents, kernels, tol = convolution.exponents, convolution.kernels, float(tol)
     fits = [kernel.exponentials(covered, tol) for kernel in kernels]
     sums = [fit_unit(exponents, covered, tol), *fits]
-    pad = -sum(own.rates.size for own in sums) % _PAD
+    pad = -sum(each.rates.size for each in sums) % _PAD
     bank = Bank.of([*sums, Bank(np.zeros(pad), np.zeros((0, pad)))])
     rates, by_key = bank.rates, dict(zip((*exponents, *kernels), bank.weights, strict=True))
     shares, start_shares = convolution.modal(rates, by_key, 2, 0)
@@ -173,7 +173,7 @@ def _tabulated(convolution: Convolution, covered: float, tol: float, n_block: in
     tables = Tables(0, 1, bank.n_real, weights, start_weights, keep)
     ahead = bank.real_modes(ahead[:, :-1].conj(), axis=0)
     tables = tables._replace(ahead=ahead, corrections=corrections)
-    errors = KernelErrors.of([own.kernel for own in kernels], fits)
+    errors = KernelErrors.of([each.kernel for each in kernels], fits)
     return _Tabulated(tables, (block_weights, block_start_weights), pad, errors)
 
 
@@ -190,7 +190,7 @@ class _RowModes(OpenHistory):
         """Return the rates, times the shortest time lag, and the number of modes to report."""
 
     @abstractmethod
-    def _weighed(self, seen: np.ndarray, here: slice) -> dict:
+    def _weighed(self, decays: np.ndarray, here: slice) -> dict:
         """Return fields of `Tables` with the weights of modes in the steps `here`."""
         # here: slice of the rows of `past.rows`; seen: decays from `RowSums.decays`
 
@@ -223,8 +223,8 @@ class _RowModes(OpenHistory):
         last = min(first + self.tables.rows, rows.first + rows.theta.size)
         if rows is not self._rows or first != self.tables.first:
             self._rows = rows
-            keep, take, seen = self._past.decays(self._rates, self._kinds, first, last)
-            tables = self._weighed(seen, slice(first - rows.first, last - rows.first))
+            keep, take, decays = self._past.decays(self._rates, self._kinds, first, last)
+            tables = self._weighed(decays, slice(first - rows.first, last - rows.first))
             self.tables = self.tables._replace(first=first, keep=keep, take=take, **tables)
         return min(end, last)
 
@@ -254,19 +254,19 @@ class _FittedModes(_RowModes):
         self._fitted = dict(zip(powers, fit.weights, strict=True))
         return fit.rates, fit.rates.size
 
-    def _weighed(self, seen: np.ndarray, here: slice) -> dict[str, Any]:
+    def _weighed(self, decays: np.ndarray, here: slice) -> dict[str, Any]:
         size, n_modes = self._rates.size, self.arrays.modes.shape[1]
-        found = np.zeros((len(self._past.terms), self.tables.rows, n_modes))
-        for own, terms in zip(found, self._past.terms, strict=True):
+        weights = np.zeros((len(self._past.terms), self.tables.rows, n_modes))
+        for row, terms in zip(weights, self._past.terms, strict=True):
             for c, operator in terms:
                 if not operator.classical:
                     p, kind = operator.power, operator.derivative - 1
                     # the kernel c p t**(p-1) / Gamma(p + 1), with the shortest lag as unit of t
                     scale = c * p * operator.factor(1.0) * self._nearest ** (p - 1)
                     columns = slice(kind * self.tables.length, kind * self.tables.length + size)
-                    own[: seen.shape[1], columns] += scale * self._fitted[p] * seen[kind]
-        found[:, : seen.shape[1]] *= self._rows.lead[:, here, None]
-        return {"weights": found.reshape(-1, n_modes)}
+                    row[: decays.shape[1], columns] += scale * self._fitted[p] * decays[kind]
+        weights[:, : decays.shape[1]] *= self._rows.lead[:, here, None]
+        return {"weights": weights.reshape(-1, n_modes)}
 
 
 class _ModesOfAllOrders(_RowModes):
@@ -287,7 +287,7 @@ class _ModesOfAllOrders(_RowModes):
         grid = np.exp(x + self._h * np.arange(1, n_grid + 1))
         return np.maximum(np.append(grid, rates[-SLOW_NODES:]), SMALLEST), rates.size
 
-    def _weighed(self, seen: np.ndarray, here: slice) -> dict[str, Any]:
+    def _weighed(self, decays: np.ndarray, here: slice) -> dict[str, Any]:
         """Return fields of `Tables`, with amplitudes of ``c p t**(p-1) / Gamma(p + 1)``."""
         # the unit of t is the shortest time lag
         shape = *self.tables.derivatives.shape, STARTS, self.tables.rows
@@ -295,19 +295,19 @@ class _ModesOfAllOrders(_RowModes):
             self.tables = self.tables._replace(
                 amplitudes=np.zeros((math.prod(shape[:3]), shape[3]))
             )
-        found = self.tables.amplitudes.reshape(shape)[..., : here.stop - here.start]
+        amplitudes = self.tables.amplitudes.reshape(shape)[..., : here.stop - here.start]
         for a, number in np.argwhere(self.tables.derivatives):
-            own, (c, operator) = found[a, number], self._past.terms[a][number]
-            p, factor = (part[here] for part in self._past.powers[operator])
+            starts, (c, operator) = amplitudes[a, number], self._past.terms[a][number]
+            p, factor = (values[here] for values in self._past.powers[operator])
             exponent = np.maximum(1 - p, SMALLEST)
-            for row, log in zip(own, self._logs, strict=False):
+            for row, log in zip(starts, self._logs, strict=False):
                 np.exp(np.multiply(exponent, log, out=row), out=row)
-            np.expm1(np.multiply(exponent, -self._h, out=own[3]), out=own[3])
+            np.expm1(np.multiply(exponent, -self._h, out=starts[3]), out=starts[3])
             scale = inverse_gamma(exponent)
-            for part in (exponent, p, factor, self._rows.lead[a, here], c * self._h):
-                scale *= part
-            set_amplitudes(scale, weights_of_moments(), self._decays, own)
-        return {"weights": seen.reshape(-1, seen.shape[2]), "room": self._room}
+            for values in (exponent, p, factor, self._rows.lead[a, here], c * self._h):
+                scale *= values
+            set_amplitudes(scale, weights_of_moments(), self._decays, starts)
+        return {"weights": decays.reshape(-1, decays.shape[2]), "room": self._room}
 
 
 class _Modes(OpenHistory):

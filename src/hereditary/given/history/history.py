@@ -36,7 +36,7 @@ class OpenHistory(ABC):
         a block and adds to the lag of the next one.
     tables : Tables
         Tables that `exchange` reads.
-    arrays : Held
+    arrays : HistoryArrays
         Arrays that `exchange` changes; the march sets `starts`.
     block_weights : ndarray, shape (C, B + 2)
         The history's approximations of the weights W_k, k = 2 .. B + 1, for sums inside a block.

@@ -56,15 +56,15 @@ def _power_steps(alpha: float, n: int) -> np.ndarray:
     # Of alpha (alpha+1) (t**(alpha-1) - (t-1)**(alpha-1)) times t - k in row 0, and k + 1 - t in
     # row 1. Gauss's rule has 16 points below k = 16, six below k = 256, and three beyond. As the
     # singularity is k - 1 steps off, errors are 5.8**-32 at k = 2, 60**-12 at 16, 1000**-6 at 256.
-    found, first = [], 2
+    integrals, first = [], 2
     for points, end in ((16, min(n, 16)), (6, min(n, 256)), (3, n)):
         v, q = gauss_unit(points)
         before = np.arange(first, max(first, end))[:, None] - 1 + v
         shrink = np.expm1((alpha - 1) * np.log1p(1 / before))
         values = alpha * (alpha + 1) * before ** (alpha - 1) * shrink
-        found.append(values @ np.array([q * v, q * (1 - v)]).T)
+        integrals.append(values @ np.array([q * v, q * (1 - v)]).T)
         first = max(first, end)
-    return np.concatenate(found).T
+    return np.concatenate(integrals).T
 
 
 def _exponent(alpha: float) -> float | None:

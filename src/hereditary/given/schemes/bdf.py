@@ -290,10 +290,10 @@ def start_coefficients(p: int, order: int) -> np.ndarray:
     for j in range(order):
         numerator = z * (-numerator.deriv() * x + (j + 1) * numerator)
     scale = float(factorial(order))
-    lead = quotient ** (order + 1)
-    target = _coefficients(1 - lead * numerator / scale, p)
+    power = quotient ** (order + 1)
+    target = _coefficients(1 - power * numerator / scale, p)
     unknown = p - 1 - order
-    columns = [_coefficients(lead * x ** (order + 1) * z**n, p) for n in range(1, unknown + 1)]
+    columns = [_coefficients(power * x ** (order + 1) * z**n, p) for n in range(1, unknown + 1)]
     solved = np.linalg.solve(np.array(columns).T[order + 1 :], target[order + 1 :])
     return np.concatenate([solved, np.zeros(order)])
 
