@@ -42,7 +42,7 @@ class Target(NamedTuple):
         lacking = {name for name in self.features.split(",") if name.startswith("+")}
         lacking -= {*host.features.split(",")}
         chosen = self.processor if CHOSEN_PROCESSOR is None else CHOSEN_PROCESSOR
-        for fits, own, others in (
+        for fits, target, here in (
             (_minor(self.numba) == _minor(host.numba), f"numba {self.numba}", host.numba),
             (self.python == host.python, self.python, host.python),
             (self.system == host.system, self.system, host.system),
@@ -50,7 +50,7 @@ class Target(NamedTuple):
             (not lacking, f"processors with {' '.join(sorted(lacking))}", host.processor),
         ):
             if not fits:
-                return f"it is for {own}, and this is {others}"
+                return f"it is for {target}, and this is {here}"
         return ""
 
 
@@ -96,12 +96,12 @@ def _shipped_for():
 def _digest(room):
     """Return a digest of the files with compiled functions in a subpackage or a module `room`."""
     # in `compiled` all files count; elsewhere those that import compiled/jit.py
-    found, package = hashlib.sha256(), Path(__file__).parents[1]
+    digest, package = hashlib.sha256(), Path(__file__).parents[1]
     for path in sorted([*package.glob(f"{room}.py"), *package.glob(f"{room}/**/*.py")]):
         source = path.read_bytes()
         if room == "compiled" or b"jit import" in source:
-            found.update(source)
-    return found.hexdigest()
+            digest.update(source)
+    return digest.hexdigest()
 
 
 _NAMES: set[str] = set()
@@ -127,8 +127,8 @@ class CodeCache:
 
     def load_overload(self, sig, target_context):
         """Return the stored compile result for a signature, or None if a compilation is needed."""
-        found = self._load_shipped(sig, target_context) or self._load_own(sig, target_context)
-        if found is None and self._announced and sys.stderr is not None:
+        result = self._load_shipped(sig, target_context) or self._load_own(sig, target_context)
+        if result is None and self._announced and sys.stderr is not None:
             once = ", once on this machine" if self._entries is not None else ""
             reason, _, more = shipped_target()[1].partition("\n")
             reason = reason or "it is for other sources or options"
@@ -138,7 +138,7 @@ class CodeCache:
                     f"hereditary: compiling {self._announced}{once} "
                     f"(no installed code is used: {reason}) ...\n"
                 )
-        return found
+        return result
 
     def _load_shipped(self, sig, context):
         """Return the shipped compile result for a signature, or None."""

@@ -176,19 +176,19 @@ def sparse_jacobian(force, t, y, units, out):
 @inner(allocates=True)
 def add_derivative_by(k, force, t, y, out):
     """Add df / dp_k, by central differences, to out (d,); return the number of calls of f."""
-    given = force.functions.params
-    n, d, calls = given.shape[0], y.shape[0], 2
-    up, down, params = np.zeros(d), np.zeros(d), np.empty(n)  # f leaves memory unset
+    params = force.functions.params
+    n, d, calls = params.shape[0], y.shape[0], 2
+    up, down, changed = np.zeros(d), np.zeros(d), np.empty(n)  # f leaves memory unset
     for i in range(n):
-        params[i] = given[i]
-    p = params[k]
+        changed[i] = params[i]
+    p = changed[k]
     step = _DIFFERENCE_STEP * (abs(p) if p != 0.0 else 1.0)
-    params[k] = p + step
-    set_force_with(force, t, y, up, params)
-    width = params[k]
-    params[k] = p - step
-    set_force_with(force, t, y, down, params)
-    width -= params[k]
+    changed[k] = p + step
+    set_force_with(force, t, y, up, changed)
+    width = changed[k]
+    changed[k] = p - step
+    set_force_with(force, t, y, down, changed)
+    width -= changed[k]
     if not finite_between(d, up, down):
         middle = np.empty(d)
         set_force(force, t, y, middle)
@@ -202,15 +202,15 @@ def add_derivative_by(k, force, t, y, out):
 def right_side(functions: Functions, sparse: bool, by_params: int = 0) -> RightSide:
     """Return the `RightSide` of functions, with differences if they have no Jacobian."""
     if not functions.has_jac:
-        how = sparse_jacobian if sparse else dense_jacobian
+        jacobian = sparse_jacobian if sparse else dense_jacobian
     elif sparse:
-        how = entries_jacobian
+        jacobian = entries_jacobian
     else:
-        given = functions.jac_form == GIVEN and not functions.in_python[1]
-        bare = functions.bare and given and not functions.places.size
-        how = given_jacobian if bare else composed_jacobian
-    how = as_value(how, JACOBIAN_SIG)
-    return checked(RightSide(force_of(functions), how, by_params))
+        plain = functions.jac_form == GIVEN and not functions.in_python[1]
+        bare = functions.bare and plain and not functions.places.size
+        jacobian = given_jacobian if bare else composed_jacobian
+    jacobian = as_value(jacobian, JACOBIAN_SIG)
+    return checked(RightSide(force_of(functions), jacobian, by_params))
 
 
 @entry(RIGHT_SIDE, F8, VEC, VEC)

@@ -56,10 +56,10 @@ def compiled_type(cls):
     return types.NamedTuple(kinds, cls)
 
 
-def checked(part):
-    """Return a part of a record, a NamedTuple, checked once: entries do not check it again."""
-    cls: Any = type(part)
-    return as_checked(part, compiled_type(cls))
+def checked(record):
+    """Return a record, a NamedTuple, checked once: entries do not check it again."""
+    cls: Any = type(record)
+    return as_checked(record, compiled_type(cls))
 
 
 # Signature of a right-hand side or its Jacobian, ``rhs(t, z, out, params)``, which fills `out`. z
@@ -151,10 +151,10 @@ def _guarded(dispatcher, finish=None):
 
     def compile_guarded(sig):
         with compiling:
-            found = compile_alone(sig)
+            result = compile_alone(sig)
             if finish:
                 finish(dispatcher.overloads[tuple(sig)])
-            return found
+            return result
 
     dispatcher.compile = compile_guarded
     return dispatcher
@@ -185,8 +185,8 @@ def inner(fun=None, *, allocates=False, fuses=False, reorders=False):
     counts, loose = allocates or reorders, {"contract"} if fuses else set()
     if reorders:
         loose = {"contract", "reassoc"}
-    how = {"nogil": True, "error_model": "numpy", "fastmath": loose, "_nrt": counts}
-    linked = internals.linked(fun, how)
+    options = {"nogil": True, "error_model": "numpy", "fastmath": loose, "_nrt": counts}
+    linked = internals.linked(fun, options)
     return _guarded(linked, None if counts else _refuse_arrays)
 
 
@@ -211,8 +211,8 @@ def derived(fun, allocates=True):
     `allocates` is False if it neither makes nor returns arrays; then numba counts no references.
     Python cannot call it.
     """
-    how = _counting(allocates) | internals.without("cfunc", "cpython")
-    return njit(error_model="numpy", nogil=True, **how)(fun)
+    options = _counting(allocates) | internals.without("cfunc", "cpython")
+    return njit(error_model="numpy", nogil=True, **options)(fun)
 
 
 def _counting(allocates):
@@ -225,8 +225,9 @@ def as_value(fun, signature):
     The result has the address of the machine code as its attribute `address`. TypeError if the
     function returns another type than the signature has.
     """
-    known = getattr(fun, "of_signature", None)
-    if config.DISABLE_JIT or known is signature or known == signature:  # a comparison takes 2 us
+    compiled_for = getattr(fun, "of_signature", None)
+    # a comparison of two signatures takes 2 us
+    if config.DISABLE_JIT or compiled_for is signature or compiled_for == signature:
         return fun
     with compiling:
         if signature.args not in fun.overloads:
@@ -266,8 +267,8 @@ class entry:
         if config.DISABLE_JIT:
             return fun
         # only Python calls it, and a wrapper for C would take a tenth of the compilation
-        how = internals.without("cfunc") | _counting(self.allocates)
-        dispatcher = compiled(fun, self.announced, **how)
+        options = internals.without("cfunc") | _counting(self.allocates)
+        dispatcher = compiled(fun, self.announced, **options)
         # numba's types answer isinstance slowly
         kinds = [kind if isinstance(kind, Reference) else None for kind in self.argtypes]
 

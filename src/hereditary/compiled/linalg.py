@@ -226,11 +226,11 @@ def product(a, b, out):
 def transposed_product(a, b, out):
     """Set out = a^T b, by blocks of rows for which BLAS uses no threads, as `product` does."""
     # shapes: a (k, m), b (k, n), out (m, n)
-    rows, part = max(1, int(_ALONE / max(1, out.size))), np.empty(out.shape)
+    rows, summand = max(1, int(_ALONE / max(1, out.size))), np.empty(out.shape)
     out[:] = 0.0
     for first in range(0, a.shape[0], rows):
-        np.dot(a[first : first + rows].T, b[first : first + rows], part)
-        out += part
+        np.dot(a[first : first + rows].T, b[first : first + rows], summand)
+        out += summand
 
 
 @inner(reorders=True)

@@ -76,7 +76,7 @@ class _LinkedLibrary(_Library):
     @property
     def codegen(self):
         """The code generator, or one that sets no environment."""
-        return self._codegen if self._alone else SimpleNamespace(set_env=lambda name, found: None)
+        return self._codegen if self._alone else SimpleNamespace(set_env=lambda *_: None)
 
     def _optimize_final_module(self):
         if self._alone:
@@ -137,8 +137,8 @@ class Shipped:
     def load_overload(self, sig, context):
         """Return the compile result that the folder has for a signature, or None."""
         context.refresh()
-        found = self._file.load(_key(sig, self._made_for, self._options))
-        result = found and _Result._rebuild(context, *found)
+        stored = self._file.load(_key(sig, self._made_for, self._options))
+        result = stored and _Result._rebuild(context, *stored)
         named = result and (result.fndesc.modname, result.fndesc.qualname)
         return result if named == (self._fun.__module__, self._fun.__qualname__) else None
 
@@ -281,13 +281,13 @@ def built_as_one(build):
     _cpu_target.target_context.refresh()  # numba's runtime has machine code of its own
     codegen = _cpu_target.target_context.codegen()
     with _compiler_lock:
-        known, codegen._library_class = codegen._library_class, _Part
+        library_class, codegen._library_class = codegen._library_class, _Part
         missing = set(codegen._rtlinker._unresolved)
         try:
-            found = build()
+            built = build()
         finally:
-            codegen._library_class = known
-        return found if missing == set(codegen._rtlinker._unresolved) else build()
+            codegen._library_class = library_class
+        return built if missing == set(codegen._rtlinker._unresolved) else build()
 
 
 def address_of(result):

@@ -41,7 +41,7 @@ def _zero(kind, shape, lengths):
 def _length(axis, lengths):
     for symbol, join in (("+", sum), ("*", prod)):
         if symbol in axis:
-            return join(_length(part, lengths) for part in axis.split(symbol))
+            return join(_length(term, lengths) for term in axis.split(symbol))
     return int(axis) if axis.isdigit() else lengths[axis]
 
 
@@ -50,11 +50,11 @@ def record(dtype, values=None, **fields):
 
     It has the given values, or zeros. Keyword arguments set single fields.
     """
-    found = np.zeros(1, dtype) if values is None else np.array([values], dtype)
-    found = (found.view(np.recarray) if config.DISABLE_JIT else found)[0]
+    made = np.zeros(1, dtype) if values is None else np.array([values], dtype)
+    made = (made.view(np.recarray) if config.DISABLE_JIT else made)[0]
     for name, value in fields.items():
-        found[name] = value
-    return found
+        made[name] = value
+    return made
 
 
 def records(values, dtype):

@@ -108,10 +108,10 @@ def _read(context, builder, typ, value, name):
     place = cgutils.gep_inbounds(builder, value, 0, typ.record.fields.index(name))
     if isinstance(kind, types.BaseNamedTuple):
         return place
-    found = builder.load(place)
+    field = builder.load(place)
     if context.enable_nrt:  # because the caller decrements it
-        context.nrt.incref(builder, kind, found)
-    return found
+        context.nrt.incref(builder, kind, field)
+    return field
 
 
 @lower_builtin(FunctionField, types.VarArg(types.Any))
@@ -120,10 +120,10 @@ def _call(context, builder, sig, args):
     convention, (_, *kinds) = context.call_conv, sig.args
     pointer = convention.get_function_type(sig.return_type, kinds).as_pointer()
     function = builder.bitcast(args[0], pointer)
-    status, found = convention.call_function(builder, function, sig.return_type, kinds, args[1:])
+    status, result = convention.call_function(builder, function, sig.return_type, kinds, args[1:])
     with cgutils.if_unlikely(builder, status.is_error):
         convention.return_status_propagate(builder, status)
-    return found
+    return result
 
 
 @unbox(FunctionField)
@@ -153,10 +153,10 @@ def _fill_part(c, record, values, place):
         if isinstance(kind, types.BaseNamedTuple):
             _fill_part(c, kind, value, at)
         elif isinstance(kind, types.Array):
-            parts = value, c.builder.bitcast(at, c.pyapi.voidptr)
-            form = ir.FunctionType(ir.IntType(32), [part.type for part in parts])
-            adapt = cgutils.get_or_insert_function(c.builder.module, form, "numba_adapt_ndarray")
-            c.builder.call(adapt, parts)
+            arguments = value, c.builder.bitcast(at, c.pyapi.voidptr)
+            ftype = ir.FunctionType(ir.IntType(32), [argument.type for argument in arguments])
+            adapt = cgutils.get_or_insert_function(c.builder.module, ftype, "numba_adapt_ndarray")
+            c.builder.call(adapt, arguments)
         else:
             native = c.unbox(kind, value)
             c.builder.store(native.value, at)
@@ -178,14 +178,14 @@ def by_reference(record, kind):
     return record if config.DISABLE_JIT or isinstance(record, Filled) else Filled(record, kind)
 
 
-def as_checked(part, kind):
-    """Return a part of a record, a NamedTuple, with its fields checked once and for all."""
+def as_checked(record, kind):
+    """Return a record, a NamedTuple, with its fields checked once and for all."""
     # Its class tells entries that they need not check it again; `_replace` returns one that is.
     # kind: numba's type of the NamedTuple.
     if config.DISABLE_JIT:
-        return part
-    _check(part, _form_of(kind))
-    return tuple.__new__(_checked_class(kind.instance_class), part)
+        return record
+    _check(record, _form_of(kind))
+    return tuple.__new__(_checked_class(kind.instance_class), record)
 
 
 @cache
@@ -208,8 +208,8 @@ def _form(kind) -> list[Any]:
     """List (name, type, how, like) of each field of a record, for `_check`."""
     # how and like are None and Python classes for a number; dtype and number of axes for an array;
     # an attribute and its value for a structured record or a function; the class of a checked one
-    # and its list for a part
-    found: list[Any] = []
+    # and its list for a record inside
+    entries: list[Any] = []
     for name, wanted in zip(kind.fields, kind, strict=True):
         like: Any = None, ((int,) if wanted == types.int64 else (int, float))
         if isinstance(wanted, types.BaseNamedTuple):
@@ -220,24 +220,24 @@ def _form(kind) -> list[Any]:
             like = "dtype", as_dtype(wanted)
         elif isinstance(wanted, FunctionField):
             like = "of_signature", wanted.signature
-        found.append((f"{kind.instance_class.__name__}.{name}", wanted, *like))
-    return found
+        entries.append((f"{kind.instance_class.__name__}.{name}", wanted, *like))
+    return entries
 
 
-def _check(record, form):
+def _check(record, entries):
     """Raise TypeError if a field of a NamedTuple does not fit its entry in the list of `_form`."""
-    for value, (name, wanted, how, like) in zip(record, form, strict=True):
+    for value, (name, wanted, key, like) in zip(record, entries, strict=True):
         if type(like) is list:
-            if type(value) is not how:
+            if type(value) is not key:
                 _check(value, like)
             continue
-        if how is None:
+        if key is None:
             fits = type(value) in like or isinstance(value, like)
-        elif type(how) is str:
-            found = getattr(value, how, None)
-            fits = found is like or found == like
+        elif type(key) is str:
+            attribute = getattr(value, key, None)
+            fits = attribute is like or attribute == like
         else:
             fits = type(value) is np.ndarray and value.ndim == like and value.flags.c_contiguous
-            fits = fits and (value.dtype is how or value.dtype == how)
+            fits = fits and (value.dtype is key or value.dtype == key)
         if not fits:
             raise TypeError(f"{name} must be of type {wanted}, not {value!r}")

@@ -97,11 +97,11 @@ def factorise_band(factors, lower, upper, lapack):
 def sparse_solver(task, number, matrix, x, linear):
     """Factorise a sparse matrix in Python, or solve with its factors for x; return 0 on success."""
     which = 2.0 * number + task
-    given, wanted = matrix.ctypes.data, x.ctypes.data
-    found: int = call_at(linear.python, which, given, wanted)  # type: ignore[call-arg]
-    if found < 0:
+    matrix_at, x_at = matrix.ctypes.data, x.ctypes.data
+    status: int = call_at(linear.python, which, matrix_at, x_at)  # type: ignore[call-arg]
+    if status < 0:
         raise PythonRaised
-    return found
+    return status
 
 
 # SuperLU takes the diagonal entry as pivot if it exceeds this fraction of the column's largest
@@ -126,7 +126,7 @@ class SparseFactors:
         order = np.lexsort((rows, columns))
         starts = np.searchsorted(columns[order], np.arange(n + 1)).astype(np.int32)
         parts, diagonal = (rows[order].astype(np.int32), starts), rows[order] == columns[order]
-        found: dict[int, Any] = {}
+        factors: dict[int, Any] = {}
         length = n if kind is float else 2 * n
 
         def factorise(number, entries, vector):
@@ -136,7 +136,7 @@ class SparseFactors:
             if not np.all(np.isfinite(values)):
                 return 1
             matrix = sparse.csc_array((values, *parts), shape=(n, n))
-            found[number] = linalg.splu(
+            factors[number] = linalg.splu(
                 matrix, "MMD_AT_PLUS_A", diag_pivot_thresh=_PIVOT, options=_SYMMETRIC
             )
             return 0
@@ -149,7 +149,7 @@ class SparseFactors:
                 if task == FACTORISE:
                     entries = np.frombuffer((ctypes.c_double * size).from_address(entries_at))
                     return factorise(number, entries, vector)
-                vector[:] = found[number].solve(vector)
+                vector[:] = factors[number].solve(vector)
                 return 0
             except RuntimeError:  # SuperLU raises it for singular matrices
                 return 1
