@@ -158,36 +158,36 @@ def convergence_table(
     shared: dict[str, Any] = {"scheme": scheme, "history": history, "breaks": breaks}
 
     def run(**steps: Any) -> Solution:
-        found = solve(equation, t_end, estimate=False, **shared, **steps)
-        if not found.success:
+        solution = solve(equation, t_end, estimate=False, **shared, **steps)
+        if not solution.success:
             ((name, value),) = steps.items()
             said = f"{value} steps" if name == "n_steps" else f"rtol = {value:g}"
-            raise RuntimeError(f"{said}: {found.message}")
-        return found
+            raise RuntimeError(f"{said}: {solution.message}")
+        return solution
 
-    at_end, known, by = truth("at_end", at_end), exact, "errors against the exact solution"
+    at_end, reference, by = truth("at_end", at_end), exact, "errors against the exact solution"
     tolerances = None if rtol is None else _decreasing(rtol)
     if tolerances is None:
         asked: list[dict[str, Any]] = [{"n_steps": n} for n in _increasing(n_steps)]
     else:
         asked = [{"rtol": each} for each in tolerances.tolist()]
-        if known is None:
+        if reference is None:
             finest = max(_FINER * float(tolerances[-1]), TOLERANCE_FLOOR)
             if tolerances[-1] <= finest:
                 required = (
                     f"exceed {finest:g}, the tolerance of the run that others are compared with"
                 )
                 refuse("rtol", required, shown(tolerances), "leave it out, or give exact")
-            known, by = run(rtol=finest), f"errors against a run with rtol = {finest:g}"
+            reference, by = run(rtol=finest), f"errors against a run with rtol = {finest:g}"
     numbers, errors = [], []
     for steps in asked:
-        found = run(**steps)
-        numbers.append(found.stats["n_steps"])
-        t, y = (found.t[-1:], found.y[-1:]) if at_end else (found.t, found.y)
-        if known is None:
+        solution = run(**steps)
+        numbers.append(solution.stats["n_steps"])
+        t, y = (solution.t[-1:], solution.y[-1:]) if at_end else (solution.t, solution.y)
+        if reference is None:
             true = run(n_steps=2 * numbers[-1]).y[::2][-len(y) :]
         else:
-            true = np.asarray(known(t))
+            true = np.asarray(reference(t))
         if true.shape != y.shape:
             required = f"return shape (n, {y.shape[1]}) for times (n,)"
             refuse("exact", required, f"shape {true.shape} for n = {len(y)}")
@@ -196,7 +196,7 @@ def convergence_table(
         name, remedy = ("n_steps", "fewer steps") if rtol is None else ("rtol", "larger ones")
         refuse(name, "leave errors above 0", shown(errors), f"take {remedy}")
     orders, slope = observed_order(numbers if tolerances is None else 1 / tolerances, errors)
-    if known is None:
+    if reference is None:
         by = "errors by Runge's rule"
         errors = [error / (1 - 2.0**-slope) for error in errors] if slope > 0 else errors
     h = (t_end - equation.t_start) / np.array(numbers)

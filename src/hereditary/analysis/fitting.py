@@ -214,7 +214,7 @@ def fit(
         return runs.differences(unscaled(x), [unscaled(each) for each in moved]).T / by
 
     try:
-        found = least_squares(
+        optimum = least_squares(
             lambda x: runs.residuals(unscaled(x)),
             (start + shift) / scale,
             jac=derivatives,
@@ -223,23 +223,23 @@ def fit(
         )
     finally:
         runs.bar.close()
-    best, at_bound = unscaled(found.x), found.active_mask != 0
+    best, at_bound = unscaled(optimum.x), optimum.active_mask != 0
     equations = runs.equations(best)
     solutions = runs.solutions(equations)
     completed = all(sol.success for sol in solutions)
     sizes = np.maximum(np.abs(best) / scale, 1.0)
-    covariance, singular = covariance_of(found, sizes, at_bound, estimated, completed and names)
+    covariance, singular = covariance_of(optimum, sizes, at_bound, estimated, completed and names)
     covariance *= np.outer(scale, scale) if completed else np.nan
     ends = (f"the run with these parameters failed: {sol.message}" for sol in solutions)
     failed = next((end for end, sol in zip(ends, solutions, strict=True) if not sol.success), "")
     return FitResult(
-        **estimates_of(names, best, covariance, at_bound, failed or found.message),
+        **estimates_of(names, best, covariance, at_bound, failed or optimum.message),
         freedom=float(size - np.sum(~at_bound)) if estimated else np.inf,
-        residuals=runs.lacking([sol.y for sol in solutions]),
-        cost=float(found.cost) * runs.unit**2,
+        residuals=runs.misfits([sol.y for sol in solutions]),
+        cost=float(optimum.cost) * runs.unit**2,
         singular_values=singular,
         solutions=solutions,
-        success=bool(found.success) and completed,
+        success=bool(optimum.success) and completed,
         n_runs=runs.count,
         series=series,
         curves=runs.curves(equations, solutions),
@@ -276,30 +276,24 @@ class _Model:
 class _RunOptions:
     """Arguments of `solve` for the runs of a fit: the user's, which are checked, and defaults."""
 
-    given: dict[str, Any]
+    arguments: dict[str, Any]
 
     def __post_init__(self) -> None:
-        if "t_eval" in self.given:
-            got = shown(self.given["t_eval"])
+        if "t_eval" in self.arguments:
+            got = shown(self.arguments["t_eval"])
             refuse("t_eval", "be left out, for t says it", got, kind=TypeError)
 
     @cached_property
     def of_solve(self) -> dict[str, Any]:
         """Arguments of `solve`."""
-        default = {} if {"n_steps", "mesh", "rtol"} & self.given.keys() else {"rtol": 1e-8}
-        return {"estimate": False} | default | self.given
+        default = {} if {"n_steps", "mesh", "rtol"} & self.arguments.keys() else {"rtol": 1e-8}
+        return {"estimate": False} | default | self.arguments
 
     @cached_property
     def scheme(self) -> Scheme:
         """The scheme of the runs."""
-        given = self.of_solve
-        return chosen_scheme(
-            given.get("scheme"),
-            given.get("rtol"),
-            given.get("n_steps"),
-            given.get("mesh"),
-            given.get("resume"),
-        )
+        names = "scheme", "rtol", "n_steps", "mesh", "resume"
+        return chosen_scheme(*map(self.of_solve.get, names))
 
     @property
     def has_tangents(self) -> bool:
@@ -352,33 +346,35 @@ class _Runs:
         with no_estimates():
             return [solve(equation, float(t[-1]), t_eval=t, **options) for equation, t in pairs]
 
-    def lacking(self, rows: list[np.ndarray]) -> list[np.ndarray]:
+    def misfits(self, rows: list[np.ndarray]) -> list[np.ndarray]:
         """Return model minus data (n, k), by rows (m, d): NaN without data, inf after the end."""
-        found = []
+        misfits = []
         for one, y in zip(self._series, rows, strict=True):
-            seen = self._seen(y, one.data.shape[1])
-            found.append(np.full(one.data.shape, np.inf))
-            found[-1][: len(seen)] = seen - one.data[: len(seen)]
-            found[-1][np.isnan(one.data)] = np.nan
-        return found
+            observed = self._observed(y, one.data.shape[1])
+            misfits.append(np.full(one.data.shape, np.inf))
+            misfits[-1][: len(observed)] = observed - one.data[: len(observed)]
+            misfits[-1][np.isnan(one.data)] = np.nan
+        return misfits
 
     def residuals(self, p: np.ndarray) -> np.ndarray:
         """Return all residuals over their deviations, (n,)."""
         equations = self.equations(p)
         rows = [sol.y for sol in self.solutions(equations)]
         self._last = p, equations, rows
-        found = self._weighed(rows)
-        self.bar.count(f"{self.count} sets of runs, cost {found @ found / 2 * self.unit**2:.4g}")
-        return found
+        residuals = self._weighed(rows)
+        self.bar.count(
+            f"{self.count} sets of runs, cost {residuals @ residuals / 2 * self.unit**2:.4g}"
+        )
+        return residuals
 
     def differences(self, p: np.ndarray, moved: list[np.ndarray]) -> np.ndarray:
         """Return the changes of `residuals` from p to each of these sets of parameters, (m, n)."""
         before = self._weighed(self._last[2])
         if not np.array_equal(self._last[0], p):
             before = self.residuals(p)
-        _, own, rows = self._last
+        _, equations, rows = self._last
         others = [self.equations(each) for each in moved]
-        linear = self._linearised(own, others, rows)
+        linear = self._linearised(equations, others, rows)
         return np.array([
             self._weighed(linear[k] if k in linear else [sol.y for sol in self.solutions(each)])
             - before
@@ -386,75 +382,78 @@ class _Runs:
         ])  # fmt: skip
 
     def _linearised(
-        self, own: list[Equation], others: list[list[Equation]], rows: list[np.ndarray]
+        self, equations: list[Equation], others: list[list[Equation]], rows: list[np.ndarray]
     ) -> dict[int, list[np.ndarray]]:
         """Return the rows of those equations, among `others`, that one run with tangents gives."""
-        # it needs a tolerance, and two or more sets that differ from `own` in params and y0 alone
-        every = {k: _changes(own, each) for k, each in enumerate(others)}
-        near = {k: changes for k, changes in every.items() if changes}
+        # it needs a tolerance, and two or more sets that differ in params and y0 alone
+        linear = {k: by for k, each in enumerate(others) if (by := _changes(equations, each))}
         complete = all(len(y) == one.t.size for y, one in zip(rows, self._series, strict=True))
         possible = complete and self._options.has_tangents
-        possible = possible and not any(obstacle(each, self._options.scheme) for each in own)
-        if len(near) < _ENOUGH or not possible:
+        possible = possible and not any(obstacle(each, self._options.scheme) for each in equations)
+        if len(linear) < _ENOUGH or not possible:
             return {}
         self.count += 1
         options = {k: value for k, value in self._options.of_solve.items() if k != "estimate"}
-        found = []
-        for k, (equation, one) in enumerate(zip(own, self._series, strict=True)):
-            kinds = sorted({kind for changes in near.values() for kind in changes[k]}) or "y0"
+        runs = []
+        for k, (equation, one) in enumerate(zip(equations, self._series, strict=True)):
+            kinds = sorted({kind for changes in linear.values() for kind in changes[k]}) or "y0"
             with silence():
                 run = sensitivities(equation, float(one.t[-1]), t_eval=one.t, wrt=kinds, **options)
-            found.append(run)
-        if not all(each.success for each in found):
+            runs.append(run)
+        if not all(each.success for each in runs):
             return {}
         return {
             k: [
                 y + sum(getattr(each, f"by_{kind}") @ by for kind, by in change.items())
-                for y, each, change in zip(rows, found, changes, strict=True)
+                for y, each, change in zip(rows, runs, changes, strict=True)
             ]
-            for k, changes in near.items()
+            for k, changes in linear.items()
         }
 
     def _weighed(self, rows: list[np.ndarray]) -> np.ndarray:
         """Return the residuals of rows over their deviations, (n,)."""
         # rows after the end of a run count as far from the data: other parameters are preferred
-        found = self.lacking(rows)
+        misfits = self.misfits(rows)
         for k, (one, far) in enumerate(zip(self._series, self._far, strict=True)):
-            known = np.isfinite(found[k])
-            far = 10 * max(far, np.abs(found[k][known]).max(initial=0.0))
-            weighed = np.where(known, found[k], far) / (1.0 if one.sigma is None else one.sigma)
-            found[k] = weighed[np.isfinite(one.data)]
-        return np.concatenate(found) / self.unit
+            finite = np.isfinite(misfits[k])
+            far = 10 * max(far, np.abs(misfits[k][finite]).max(initial=0.0))
+            weighed = np.where(finite, misfits[k], far) / (1.0 if one.sigma is None else one.sigma)
+            misfits[k] = weighed[np.isfinite(one.data)]
+        return np.concatenate(misfits) / self.unit
 
     def curves(
         self, equations: list[Equation], solutions: list[Solution]
     ) -> list[tuple[np.ndarray, np.ndarray]]:
         """Return times (m,) and values (m, k) of the model for each series, also between data."""
         # only times of the data if `observe` needs these, as differences of rows do
-        found, often = [], self.solutions(equations, [_between(one.t) for one in self._series])
+        curves, often = [], self.solutions(equations, [_between(one.t) for one in self._series])
         for one, sol, fine in zip(self._series, solutions, often, strict=True):
             k, slack = one.data.shape[1], 1e-6 * np.nanmax(np.abs(one.data))
-            found.append((sol.t, self._seen(sol.y, k)))
+            curves.append((sol.t, self._observed(sol.y, k)))
             with suppress(ValueError):  # of shapes
-                seen = self._seen(fine.y, k)
-                again = seen[np.isin(fine.t, sol.t)]
-                if np.allclose(again, found[-1][1], rtol=0, atol=slack):
-                    found[-1] = fine.t, seen
-        return found
+                values = self._observed(fine.y, k)
+                again = values[np.isin(fine.t, sol.t)]
+                if np.allclose(again, curves[-1][1], rtol=0, atol=slack):
+                    curves[-1] = fine.t, values
+        return curves
 
-    def _seen(self, y: np.ndarray, k: int) -> np.ndarray:
+    def _observed(self, y: np.ndarray, k: int) -> np.ndarray:
         """Return the observed values of rows (m, d), (m, k)."""
         if callable(self._observe):
-            seen = np.asarray(self._observe(y))
+            values = np.asarray(self._observe(y))
         elif self._observe is None:
-            seen = y[:, :k]
+            values = y[:, :k]
         else:
-            seen = y[:, component_numbers(self._observe, y.shape[1], "observe")]
-        if seen.shape[:1] != (len(y),) or seen.size != len(y) * k or seen.dtype.kind not in "iuf":
+            values = y[:, component_numbers(self._observe, y.shape[1], "observe")]
+        if (
+            values.shape[:1] != (len(y),)
+            or values.size != len(y) * k
+            or values.dtype.kind not in "iuf"
+        ):
             shape = f"({len(y)}{f', {k}' if k > 1 else ','})"
-            got = f"shape {seen.shape} of {seen.dtype} from y of shape {y.shape}"
+            got = f"shape {values.shape} of {values.dtype} from y of shape {y.shape}"
             refuse("observe", f"give real values of shape {shape}, as data has", got)
-        return seen.reshape(len(y), k)
+        return values.reshape(len(y), k)
 
 
 def _moved(x: np.ndarray, low: np.ndarray, high: np.ndarray) -> np.ndarray:
@@ -468,10 +467,10 @@ def _moved(x: np.ndarray, low: np.ndarray, high: np.ndarray) -> np.ndarray:
     return x + np.diag(by)
 
 
-def _changes(own: list[Equation], others: list[Equation]) -> list[dict[str, np.ndarray]]:
+def _changes(equations: list[Equation], others: list[Equation]) -> list[dict[str, np.ndarray]]:
     """Return how equations differ in "params" and "y0"; no list if they differ in anything else."""
-    found = []
-    for one, other in zip(own, others, strict=True):
+    changes = []
+    for one, other in zip(equations, others, strict=True):
         before, after = one.system, other.system
         if not (
             [operator for operator, _ in before.left] == [operator for operator, _ in after.left]
@@ -486,8 +485,8 @@ def _changes(own: list[Equation], others: list[Equation]) -> list[dict[str, np.n
         moved = (after.y0 - before.y0)[:, : before.n_solved]
         y0 = np.concatenate([moved[0], *moved[1:, before.above_one]])
         parts = {"params": after.params - before.params, "y0": y0}
-        found.append({kind: by for kind, by in parts.items() if by.any()})
-    return found
+        changes.append({kind: by for kind, by in parts.items() if by.any()})
+    return changes
 
 
 def _between(t: np.ndarray) -> np.ndarray:
@@ -526,7 +525,7 @@ def _series(t: Any, data: Any, sigma: Any) -> list[Series]:
     if 0 < len(missing) < n:
         got = f"None for the series {shown(missing)}"
         refuse("sigma", "be given for all series or for none", got)
-    return [_one(f"[{k}]", *part) for k, part in enumerate(zip(t, data, sigmas, strict=True))]
+    return [_one(f"[{k}]", *arrays) for k, arrays in enumerate(zip(t, data, sigmas, strict=True))]
 
 
 def _one(place: str, t: ArrayLike, data: Any, sigma: Any) -> Series:

@@ -80,9 +80,9 @@ class FrequencyResponse:
         It is the highest of `peaks` and of the responses at the given values; NaN if there are
         none. The peaks for several forces are the backbone curve.
         """
-        found = [(p.amplitude, p.omega) for p in self.peaks if p.component == component]
-        found += zip(self.amplitude[:, component].tolist(), self.omega.tolist(), strict=True)
-        height, omega = max(found, default=(float("nan"), float("nan")))
+        candidates = [(p.amplitude, p.omega) for p in self.peaks if p.component == component]
+        candidates += zip(self.amplitude[:, component].tolist(), self.omega.tolist(), strict=True)
+        height, omega = max(candidates, default=(float("nan"), float("nan")))
         return omega, height
 
     def quality(self, component: int = 0) -> float:
@@ -200,13 +200,13 @@ def frequency_response(
         )
     curve = Curve(balance, wanted, followed == frequency)
     failure = curve.follow()
-    places = np.array([place for place, _ in curve.found]).reshape(-1, balance.size + 1)
+    places = np.array([place for place, _ in curve.points]).reshape(-1, balance.size + 1)
     values = places[:, -1]
     return FrequencyResponse(
         omega=balance.omegas(values),
         values=values,
         coefficients=balance.coefficients(places[:, :-1]),
-        branch=np.array([branch for _, branch in curve.found], dtype=np.int64),
+        branch=np.array([branch for _, branch in curve.points], dtype=np.int64),
         turning=np.array(curve.turning),
         peaks=curve.peaks,
         complete=not failure,

@@ -59,16 +59,14 @@ class Balance:
         self._frequency, self._along = frequency, along
         self._params, self._h, self.d = self._system.params.copy(), harmonics, equation.d
         self._right = with_params(self._system, self._params).compiled
-        self.size, self._n = (
-            self.d * (2 * harmonics + 1),
-            max(_SAMPLES_PER_HARMONIC * harmonics + 1, _MIN_SAMPLES_PER_PERIOD),
-        )
+        self.size = self.d * (2 * harmonics + 1)
+        self._n = max(_SAMPLES_PER_HARMONIC * harmonics + 1, _MIN_SAMPLES_PER_PERIOD)
         angles = 2 * np.pi * np.outer(np.arange(self._n), np.arange(1, harmonics + 1)) / self._n
         columns = np.stack([np.cos(angles), np.sin(angles)], axis=2).reshape(self._n, -1)
         self._basis = np.hstack([np.ones((self._n, 1)), columns])
         self._project = 2.0 / self._n * self._basis.T
         self._project[0] /= 2
-        self._free, self._held = np.zeros((0, self.d)), np.zeros((self.d, self.d))
+        self._free, self._fixed_means = np.zeros((0, self.d)), np.zeros((self.d, self.d))
 
     def check_period(self, values: np.ndarray) -> None:
         """Refuse right-hand sides without the period 2 pi / omega."""
@@ -77,14 +75,14 @@ class Balance:
             omega = self._omega(value)
             for y in (y0, y0 + self._units):
                 times = 2 * np.pi / omega * np.array([[0.0, 0.31, 0.83], [1.0, 1.31, 1.83]])
-                found = np.array([[self._force(t, y) for t in row] for row in times])
-                if not np.isfinite(found).all():
+                forces = np.array([[self._force(t, y) for t in row] for row in times])
+                if not np.isfinite(forces).all():
                     refuse("rhs", "be finite over a period", f"params {shown(self._params)}")
-                apart = np.abs(found[1] - found[0]).max()
-                if not apart <= 1e-6 * np.abs(found).max():
+                apart = np.abs(forces[1] - forces[0]).max()
+                if not apart <= 1e-6 * np.abs(forces).max():
                     required = "have period 2 pi / omega in t, omega being params"
                     required += f"[{self._frequency}]"
-                    refuse("rhs", required, f"values {shown(found.ravel())}")
+                    refuse("rhs", required, f"values {shown(forces.ravel())}")
 
     def hold_means(self, value: float) -> bool:
         """Fix the means of y that no equation depends on; return whether there are any."""
@@ -97,14 +95,14 @@ class Balance:
         _, sizes, means = np.linalg.svd(np.vstack([matrix[:, ::m] for matrix in matrices]))
         self._free = means[sizes <= _FREE * sizes[0]]
         left = np.linalg.svd(matrices[1][::m, ::m])[0][:, self.d - len(self._free) :]
-        self._held = left @ self._free
+        self._fixed_means = left @ self._free
         return len(self._free) > 0
 
     def _force(self, t: float, y: np.ndarray) -> np.ndarray:
         """Return the right-hand side, (d,)."""
-        found = np.empty(self._system.d)
-        force_at(self._right, t, y.copy(), found)
-        return found
+        force = np.empty(self._system.d)
+        force_at(self._right, t, y.copy(), force)
+        return force
 
     def _omega(self, value: float) -> float:
         """Set the parameter along the curve; return the frequency."""
@@ -130,20 +128,20 @@ class Balance:
         operator: Any  # of no order that varies
         for operator, c in self._system.left:
             symbol += c[:, None] * operator.symbol(s)
-        found = np.zeros((self._system.d, 2 * self._h + 1, 2 * self._h + 1))
-        found[:, 0, 0] = symbol[:, 0].real
+        matrices = np.zeros((self._system.d, 2 * self._h + 1, 2 * self._h + 1))
+        matrices[:, 0, 0] = symbol[:, 0].real
         a = np.arange(1, 2 * self._h, 2)  # on (cos, sin) of a cos + b sin = Re (a - i b) exp
-        found[:, a, a] = found[:, a + 1, a + 1] = symbol[:, 1:].real
-        found[:, a, a + 1], found[:, a + 1, a] = symbol[:, 1:].imag, -symbol[:, 1:].imag
-        return found
+        matrices[:, a, a] = matrices[:, a + 1, a + 1] = symbol[:, 1:].real
+        matrices[:, a, a + 1], matrices[:, a + 1, a] = symbol[:, 1:].imag, -symbol[:, 1:].imag
+        return matrices
 
     def residual(
         self, x: np.ndarray, value: float, derivative: bool = True
     ) -> tuple[np.ndarray, Any]:
         """Return the residual (size,), and its derivative (size, size)."""
         m, d, system = 2 * self._h + 1, self.d, self._system
-        own = self._units[:d, None]
-        rows, omega = x.reshape(d, m) * own, self._omega(value)
+        scale = self._units[:d, None]
+        rows, omega = x.reshape(d, m) * scale, self._omega(value)
         left = self._operators(omega)
         sources = system.sources[d:]
         beside = (left[d:] @ rows[sources, :, None])[..., 0]
@@ -151,9 +149,9 @@ class Balance:
         f, j_f = np.empty(y.shape), np.empty((self._n if derivative else 0, system.d**2))
         units = np.maximum(np.abs(y).max(axis=0), self._units)
         _over_a_period(self._right, omega, y, units, f, j_f)
-        found = ((left[:d] @ rows[..., None])[..., 0] - (self._project @ f[:, :d]).T) / own
+        residuals = ((left[:d] @ rows[..., None])[..., 0] - (self._project @ f[:, :d]).T) / scale
         if not derivative:
-            return found.ravel(), None
+            return residuals.ravel(), None
         slopes = j_f.T.reshape(system.d, system.d, self._n)[:d]
         blocks = (self._project * slopes[:, :, None]) @ self._basis  # (d, n, 2 H + 1, 2 H + 1)
         matrix = -np.ascontiguousarray(np.moveaxis(blocks[:, :d], 1, 2))
@@ -161,9 +159,9 @@ class Balance:
             matrix[c, :, c, :] += left[c]
         for c, source in enumerate(sources, d):
             matrix[:, :, source, :] -= blocks[:, c] @ left[c]
-        matrix *= own / own[..., None, None]
-        matrix[:, 0, :, 0] += self._held
-        return found.ravel(), matrix.reshape(self.size, self.size)
+        matrix *= scale / scale[..., None, None]
+        matrix[:, 0, :, 0] += self._fixed_means
+        return residuals.ravel(), matrix.reshape(self.size, self.size)
 
     def by_value(
         self, x: np.ndarray, value: float, unit: float, residual: np.ndarray

@@ -160,7 +160,7 @@ def _peaks(omega: np.ndarray, amplitudes: np.ndarray, most: int) -> np.ndarray:
     before, here, after = (amplitudes[tops + k] for k in (-1, 0, 1))
     ratio = np.maximum(before, after) / here
     off = np.clip((2 * ratio - 1) / (ratio + 1), 0.0, 0.5)
-    found = np.zeros(tops.size, [("omega", "f8"), ("amplitude", "f8")])
-    found["omega"] = omega[tops] + np.where(after > before, off, -off) * omega[1]
-    found["amplitude"] = here * (1 - off**2) / np.sinc(off)
-    return found
+    peaks = np.zeros(tops.size, [("omega", "f8"), ("amplitude", "f8")])
+    peaks["omega"] = omega[tops] + np.where(after > before, off, -off) * omega[1]
+    peaks["amplitude"] = here * (1 - off**2) / np.sinc(off)
+    return peaks

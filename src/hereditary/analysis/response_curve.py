@@ -55,9 +55,9 @@ class Curve:
 
     def __init__(self, balance: Balance, wanted: np.ndarray, positive: bool) -> None:
         # A point, (size + 1,), consists of the unknowns of the balance and the value of the
-        # parameter. `found` are points at requested values, and the turning points before each.
+        # parameter. `points` are those at requested values, and the turning points before each.
         self._balance, self._wanted, self._positive = balance, wanted, positive
-        self.found: list[tuple[np.ndarray, int]] = []
+        self.points: list[tuple[np.ndarray, int]] = []
         self.turning: list[float] = []
         self.peaks: list[Peak] = []
         self._sign = 1.0 if wanted[-1] >= wanted[0] else -1.0
@@ -74,7 +74,7 @@ class Curve:
         places = [first]
         failure = self._onwards(places) if self._wanted.size > 1 else ""
         if len(places) == 1:
-            self.found = [(first, 0)]
+            self.points = [(first, 0)]
             return failure
         return self._answer(places) or failure
 
@@ -128,8 +128,8 @@ class Curve:
 
     def _tangent(self, place: np.ndarray, previous: np.ndarray) -> np.ndarray | None:
         """Return the unit tangent of the curve in the direction of the previous one, or None."""
-        found = self._change(place, self._weights * previous)
-        return None if found is None else found / np.sqrt(found @ (self._weights * found))
+        along = self._change(place, self._weights * previous)
+        return None if along is None else along / np.sqrt(along @ (self._weights * along))
 
     def _solved(
         self, start: np.ndarray, row: np.ndarray, most: int
@@ -137,8 +137,8 @@ class Curve:
         """Return the point with ``row @ (point - start) = 0``, or None, and the iterations."""
         place, before = start, np.inf
         for iteration in range(most):
-            known = place[-1] > 0 or not self._positive
-            change = self._change(place, row, row @ (place - start)) if known else None
+            in_domain = place[-1] > 0 or not self._positive
+            change = self._change(place, row, row @ (place - start)) if in_domain else None
             if change is None:
                 break
             place = place - change
@@ -180,7 +180,7 @@ class Curve:
             if place is None or np.linalg.norm(place - guess) > _AWAY * np.linalg.norm(guess[:-1]):
                 failure = f"no response was found at {value:g}, which the curve passes"
             else:
-                self.found.append((place, int(np.sum(turns < s))))
+                self.points.append((place, int(np.sum(turns < s))))
         return failure
 
     def _spline(self, places: list[np.ndarray]) -> Any:

@@ -56,7 +56,7 @@ class RunDifferences:
         # t_last: the user's time; times (n,): of the rows; arguments: of `solve`; n_numbers: how
         # many derivatives are requested, for the bar; `change`: of a number, relative
         self._equation, self._t_last, self._times = equation, t_last, times
-        self._given, self._bar, self.n_runs = arguments, bar, 1 + 2 * n_numbers
+        self._of_solve, self._bar, self.n_runs = arguments, bar, 1 + 2 * n_numbers
         self._made, self._bend = 0, 0.0
         self._tries: list[dict[str, Any]] = [{}]
         if chooses_steps(arguments["scheme"]):
@@ -67,7 +67,7 @@ class RunDifferences:
 
     def _ask(self, tolerances: dict[str, Any]) -> None:
         """Let runs have these tolerances in place of the user's."""
-        self._arguments = self._given | {"estimate": False} | tolerances
+        self._arguments = self._of_solve | {"estimate": False} | tolerances
         self.change = max(
             _MIN_RELATIVE_CHANGE, float(np.cbrt(_RUN_ERROR * (self._arguments["rtol"] or 0.0)))
         )
@@ -82,17 +82,17 @@ class RunDifferences:
                 tried.append((self._solved(self._equation), tolerances))
             if tried[-1][0].success:
                 break
-        found, tolerances = max(tried, key=lambda pair: (pair[0].success, len(pair[0].y)))
+        solution, tolerances = max(tried, key=lambda pair: (pair[0].success, len(pair[0].y)))
         self._ask(tolerances)
-        self._times, self._rows = found.t, found.y
-        sizes = np.abs(found.y).max(axis=0, initial=0.0)
+        self._times, self._rows = solution.t, solution.y
+        sizes = np.abs(solution.y).max(axis=0, initial=0.0)
         sizes = np.maximum(sizes, np.abs(self._equation._initial.given[0]))
         span, system = self._t_last - self._equation.t_start, self._equation.system
         units = system.frame.values(system.units(span))[: sizes.size]
         self._sizes = np.where(sizes > 0, sizes, np.maximum(units.real, units.imag))
-        slopes = np.zeros(1) if found.ydot is None else np.nan_to_num(np.abs(found.ydot))
+        slopes = np.zeros(1) if solution.ydot is None else np.nan_to_num(np.abs(solution.ydot))
         self._rates = np.maximum(slopes.max(axis=0, initial=0.0) / self._sizes, 1 / span)
-        return found
+        return solution
 
     @property
     def error(self) -> float:
@@ -109,8 +109,7 @@ class RunDifferences:
             return self._equation.replace(params=params + by * (np.arange(params.size) == k))
 
         sizes = np.where(params == 0, 1.0, np.abs(params)).tolist()
-        found = [self._by(partial(moved, k), size) for k, size in enumerate(sizes)]
-        return np.stack(found, axis=2)
+        return np.stack([self._by(partial(moved, k), size) for k, size in enumerate(sizes)], axis=2)
 
     def by_y0(self) -> np.ndarray:
         """Return derivatives by the initial values, (n, d, n_data)."""
@@ -122,12 +121,12 @@ class RunDifferences:
             values.view(float)[row, column] += by
             return equation.replace(y0=values)
 
-        found = []
+        derivatives = []
         for row, column in initial_data(equation):
             c = column // factor
             size = max(self._sizes[c] * self._rates[c] ** row, abs(real[row, column]))
-            found.append(self._by(partial(moved, row, column), float(size)))
-        return np.stack(found, axis=2)
+            derivatives.append(self._by(partial(moved, row, column), float(size)))
+        return np.stack(derivatives, axis=2)
 
     def _by(self, moved: Callable[[float], Equation], size: float) -> np.ndarray:
         """Return derivatives of y by a number of this size, (n, d); ``moved(by)`` changes it."""
@@ -162,7 +161,7 @@ class RunDifferences:
             terms[k] = other * terms[k].coefficient
             return self._equation.replace(terms=terms)
 
-        found = []
+        derivatives = []
         for k, term in enumerate(self._equation.terms):
             order = np.atleast_1d(term.operator.order)
             up = np.ceil(order)
@@ -173,8 +172,8 @@ class RunDifferences:
             weights = {0: -1.5 * side, side: 2.0 * side, 2 * side: -0.5 * side}
             weights = {1: 0.5, -1: -0.5} if len(sides) == 2 else weights
             rows = [w * self._moved_rows(partial(moved, k), s * change) for s, w in weights.items()]
-            found.append(sum(rows) / change)
-        return np.stack(found, axis=2)
+            derivatives.append(sum(rows) / change)
+        return np.stack(derivatives, axis=2)
 
     def _moved_rows(self, moved: Callable[[float], Equation], by: float) -> np.ndarray:
         """Return rows (n, d) of a changed equation; NaN after the end of its run."""
@@ -188,18 +187,18 @@ class RunDifferences:
                 equation = _consistent(moved(by))
             except ValueError:  # the changed number lies outside of a domain
                 return rows
-            found = self._solved(equation)
-        rows[: len(found.y)] = found.y
+            solution = self._solved(equation)
+        rows[: len(solution.y)] = solution.y
         return rows
 
     def _solved(self, equation: Equation) -> Solution:
         with no_estimates():
-            found = solve(equation, self._t_last, t_eval=self._times, **self._arguments)
+            solution = solve(equation, self._t_last, t_eval=self._times, **self._arguments)
         self._made += 1
         self._bar.update(min(self._made / self.n_runs, 1.0))
-        if found.status is Status.INTERRUPTED:
+        if solution.status is Status.INTERRUPTED:
             raise KeyboardInterrupt
-        return found
+        return solution
 
 
 def initial_data(equation: Equation) -> list[tuple[int, int]]:
@@ -219,6 +218,6 @@ def _consistent(equation: Equation) -> Equation:
     if not system.algebraic.any():
         return equation
     y0 = equation._initial.given.copy()
-    found = settled(system, system.beside(0.0, 1), system.at_start)[: system.n_solved]
-    y0[0] = system.frame.values(found)
+    consistent = settled(system, system.beside(0.0, 1), system.at_start)[: system.n_solved]
+    y0[0] = system.frame.values(consistent)
     return equation.replace(y0=y0)

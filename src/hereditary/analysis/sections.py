@@ -204,9 +204,9 @@ def _function(solution: Solution, derivative: int) -> Callable[[np.ndarray], np.
         refuse("solution", required, "ydot = None", "use Collocation")
     from scipy.interpolate import CubicSpline
 
-    known = np.isfinite(rows).all(axis=0)
-    spline = CubicSpline(solution.t, np.where(known, rows, 0.0))
-    return lambda t: np.where(known, spline(t), np.nan)
+    finite = np.isfinite(rows).all(axis=0)
+    spline = CubicSpline(solution.t, np.where(finite, rows, 0.0))
+    return lambda t: np.where(finite, spline(t), np.nan)
 
 
 def _begin(solution: Solution, transient: float | None) -> float:
@@ -236,8 +236,8 @@ def _is_index(value: Any, n: int) -> bool:
     return isinstance(value, (int, np.integer)) and bool(0 <= value < n)
 
 
-def _size(wanted: int | None, found: int) -> int:
-    size = found if wanted is None else count("count", wanted)
+def _size(wanted: int | None, n_found: int) -> int:
+    size = n_found if wanted is None else count("count", wanted)
     if size > _MAX_SECTION_SAMPLES:
         refuse("count", f"be at most {_MAX_SECTION_SAMPLES}", size)
     return size

@@ -111,8 +111,8 @@ class Table:
         xarray = optional("xarray", "to_xarray")
         variables = {}
         for name, value in (self.values | {_STATUS: self.status}).items():
-            own = [f"{name}_{k}" for k in range(value.ndim - len(self.shape))]
-            variables[name] = ([*self.axes, *own], value)
+            dimensions = [f"{name}_{k}" for k in range(value.ndim - len(self.shape))]
+            variables[name] = ([*self.axes, *dimensions], value)
         return xarray.Dataset(variables, coords=self.axes)
 
     def _repr_html_(self) -> str:
@@ -148,21 +148,22 @@ def _column(name: str, rows: dict[int, np.ndarray], status: list[str]) -> np.nda
     """Return the values of one name at all points as one array; lengths may differ."""
     # values that do not fit the first point fail, as `status` says; an empty array fits all others
     filled = [row for row in rows.values() if row.shape != (0,)] or list(rows.values())
-    form = _form(filled[0])
-    fitting = [row for row in filled if _form(row) == form]
+    layout = _layout(filled[0])
+    content = layout[0]
+    fitting = [row for row in filled if _layout(row) == layout]
     longest = max(row.shape for row in fitting)
     kind = max((row.dtype for row in fitting), key=lambda dtype: dtype.itemsize)
-    column = np.full((len(status), *longest), "" if form[0] == "text" else np.nan, dtype=kind)
+    column = np.full((len(status), *longest), "" if content == "text" else np.nan, dtype=kind)
     for k, row in rows.items():
-        if _form(row) == form:
+        if _layout(row) == layout:
             column[(k, slice(len(row))) if longest else k] = row
         elif status[k] == COMPLETED and not (row.shape == (0,) and longest):
-            required = f"be {form[0]} of shape {longest}, but for its length, as at the first point"
-            got = f"{_form(row)[0]} of shape {row.shape}"
+            required = f"be {content} of shape {longest}, but for its length, as at the first point"
+            got = f"{_layout(row)[0]} of shape {row.shape}"
             status[k] = f"ValueError: {complaint(name, required, got)}"[:STATUS_LENGTH]
     return column
 
 
-def _form(row: np.ndarray) -> tuple[str, int, tuple[int, ...]]:
+def _layout(row: np.ndarray) -> tuple[str, int, tuple[int, ...]]:
     """Return what the values of one name must share: their type, and all lengths but the first."""
     return "text" if row.dtype.kind == "U" else "numbers", row.ndim, row.shape[1:]
