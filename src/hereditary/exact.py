@@ -380,7 +380,7 @@ def _zeros(f: _Exponentials) -> np.ndarray:
         u = _newton(f, np.add.outer(x, 1j * np.linspace(0, _TOP, 2 * n + 1)).ravel())
         zeros: list[complex] = []
         for z in u[(u.real > low) & (u.real < high) & (np.abs(u.imag) < _TOP)]:
-            if all(abs(z - known) > _MIN_POLE_DISTANCE for known in zeros):
+            if all(abs(z - zero) > _MIN_POLE_DISTANCE for zero in zeros):
                 zeros.append(z)
         if len(zeros) == round(expected):
             return np.array(zeros, dtype=complex)

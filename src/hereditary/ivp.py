@@ -135,7 +135,7 @@ def solve_ivp(
     slopes = jac if jac is None else _with(jac, more) if callable(jac) else _constant(jac)
     equation = Equation(Caputo(order), _with(fun, more), y0, jac=slopes, t_start=start)
     times = evaluation_times(t_eval, start, end)
-    found = solve(
+    solution = solve(
         equation,
         end,
         rtol=rtol,
@@ -145,12 +145,12 @@ def solve_ivp(
         max_step=None if np.isscalar(max_step) and max_step == np.inf else max_step,
         events=[_with(event, more) for event in listed],
     )
-    rows = found.t, found.y
+    rows = solution.t, solution.y
     if dense_output and times is not None:
-        times = times[times <= found.t[-1]]
-        stepped = found.stats["n_steps"] > 0  # otherwise only the start is known
-        rows = times, found(times) if stepped else found.y[: times.size]
-    return _result(found, *rows, dense_output, bool(listed))
+        times = times[times <= solution.t[-1]]
+        stepped = solution.stats["n_steps"] > 0  # otherwise only the start is known
+        rows = times, solution(times) if stepped else solution.y[: times.size]
+    return _result(solution, *rows, dense_output, bool(listed))
 
 
 def _further(args: Any) -> tuple:
@@ -201,23 +201,23 @@ class _Interpolant:
         return self._solution(t).T
 
 
-def _result(found: Any, times: Any, values: Any, dense_output: bool, has_events: bool) -> Any:
+def _result(solution: Any, times: Any, values: Any, dense_output: bool, has_events: bool) -> Any:
     """Return a `Solution`, with rows at these times, as SciPy's `solve_ivp` returns one."""
     from scipy.optimize import OptimizeResult  # takes long to import
 
-    status = {Status.COMPLETED: 0, Status.EVENT: 1}.get(found.status, -1)
+    status = {Status.COMPLETED: 0, Status.EVENT: 1}.get(solution.status, -1)
     return OptimizeResult(
         t=times,
         y=values.T,
-        sol=_Interpolant(found) if dense_output else None,
-        t_events=found.t_events if has_events else None,
-        y_events=[rows if rows.size else np.empty(0) for rows in found.y_events]
+        sol=_Interpolant(solution) if dense_output else None,
+        t_events=solution.t_events if has_events else None,
+        y_events=[rows if rows.size else np.empty(0) for rows in solution.y_events]
         if has_events
         else None,
-        nfev=found.stats["n_rhs"],
+        nfev=solution.stats["n_rhs"],
         njev=None,
         nlu=None,
         status=status,
-        message=found.message,
+        message=solution.message,
         success=status >= 0,
     )

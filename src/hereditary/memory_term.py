@@ -74,7 +74,7 @@ class MemoryTerm:
         self._u, self._shift, self._term0 = u0.ravel(), h * v0.ravel(), term0.ravel()
         self._lag, self._pieces = np.zeros((width, BLOCK)), np.zeros((width, BLOCK + 1))
         self.n, self._opened, self.theta = 0, -1, float(plan.rows.theta[0])
-        self._known: np.ndarray | None = None
+        self._step_lag: np.ndarray | None = None
 
     def _factor(self, rows: Any) -> Any:
         return float(rows[0, min(self.n, 1)])
@@ -97,11 +97,11 @@ class MemoryTerm:
     @property
     def lag(self) -> np.ndarray:
         """Known part of the step's value, in the shape of u."""
-        if self._known is None:
-            self._known = self._known_part()
-        return self._known.reshape(self._shape).copy()
+        if self._step_lag is None:
+            self._step_lag = self._lag_of_step()
+        return self._step_lag.reshape(self._shape).copy()
 
-    def _known_part(self) -> np.ndarray:
+    def _lag_of_step(self) -> np.ndarray:
         refuse_late(self._system, (self.n + 1) * self._h)
         if self.n >= self._settings["steps"]:
             refuse("n_steps", "cover all steps", f"{self.n + 1} of them", "make the term for more")
@@ -110,21 +110,21 @@ class MemoryTerm:
             self._open()
             self._opened = self.n
         rows = self._plan.rows
-        known = self._factor(rows.near) * self._pieces[:, p] + self._lag[:, p]
-        known /= self._factor(rows.lead)
-        known -= self.weight * (self._u + self._shift)
+        lag = self._factor(rows.near) * self._pieces[:, p] + self._lag[:, p]
+        lag /= self._factor(rows.lead)
+        lag -= self.weight * (self._u + self._shift)
         corrections = self._plan.corrections
         if corrections is not None and self.n < len(corrections):
-            known -= corrections[self.n, 0] * self._term0
-        return known
+            lag -= corrections[self.n, 0] * self._term0
+        return lag
 
     def _open(self) -> None:
         """Open the block that begins here: the memory adds all older pieces to its lag."""
         n, memory = self.n, self._memory
         memory.prepare(min(n + BLOCK, self._settings["steps"]))
         memory.reach(n, self._pieces, self._groups)
-        known = MarchMemory(memory.exchange, memory.tables, memory.arrays)
-        open_lag(self._lag, self._pieces, n, self._groups, memory.block_weights, known)
+        march_memory = MarchMemory(memory.exchange, memory.tables, memory.arrays)
+        open_lag(self._lag, self._pieces, n, self._groups, memory.block_weights, march_memory)
 
     def absorb(self, u: ArrayLike) -> None:
         """Add the solution at the end of a step to the memory.
@@ -135,15 +135,15 @@ class MemoryTerm:
             In the shape of u0.
         """
         new = _array("u", u, self._shape).ravel()
-        if self._known is None:
-            self._known = self._known_part()
+        if self._step_lag is None:
+            self._step_lag = self._lag_of_step()
         p, piece = self.n % BLOCK, new - self._u - self._shift
         close_piece(p, self._memory.block_weights[0], piece, self._lag, self._pieces)
         weights = self._memory.block_start_weights
         if self.n == 0 and weights.shape[1] > 0:  # the first increment weighs as a start value
             self._memory.arrays.starts[...] = piece[:, None]
             self._lag[:, 1:] += np.outer(piece, weights[0, 1:BLOCK])
-        self.n, self._u, self._known = self.n + 1, new, None
+        self.n, self._u, self._step_lag = self.n + 1, new, None
 
     def state(self) -> MemoryTermState:
         """Return what `restore` needs to continue from here, bit for bit.
@@ -186,7 +186,7 @@ class MemoryTerm:
         self._shift, self._term0 = state.start.copy()
         self._lag, self._pieces = state.lag.copy(), state.pieces.copy()
         self._memory.restore(state.memory)
-        self._known = None
+        self._step_lag = None
 
 
 @lacking("the program that makes the steps has it")
@@ -297,8 +297,8 @@ def _operator(kernel_or_order: Any) -> Any:
 def _alone(operator: Any) -> System:
     """Return the system with this operator as its left side, and f = 1."""
     term = Term(operator, 1.0).plain()
-    own = getattr(term.operator, "order", ())  # a kernel has none
-    left = left_side((term,), term.coefficient.reshape(1, 1), np.reshape(own, (-1, 1)), 0.0)
+    orders = getattr(term.operator, "order", ())  # a kernel has none
+    left = left_side((term,), term.coefficient.reshape(1, 1), np.reshape(orders, (-1, 1)), 0.0)
     y0 = np.eye(term.operator.derivative)[:, :1]
     return System(left, y0, force_of_plan=lambda t, y: np.ones(y.size))
 
@@ -318,7 +318,7 @@ def _plan(scheme: Scheme, system: System, h: float) -> Plan:
 
 def _array(name: str, values: Any, shape: tuple[int, ...]) -> np.ndarray:
     """Return numbers in the shape of u0; refuse any other shape."""
-    found = real_array(name, values)
-    if found.shape not in (shape, ()):
-        refuse(name, f"have the shape of u0, {shape}", f"shape {found.shape}")
-    return np.broadcast_to(found, shape).copy()
+    array = real_array(name, values)
+    if array.shape not in (shape, ()):
+        refuse(name, f"have the shape of u0, {shape}", f"shape {array.shape}")
+    return np.broadcast_to(array, shape).copy()

@@ -439,10 +439,9 @@ def _fitted(
     limits = _limits({} if bounds is None else bounds, names, start)
 
     def made(p: np.ndarray) -> Model:
-        found = model(**dict(zip(names, p.tolist(), strict=True)))
-        return checks.instance(
-            "what model returns", found, Model, "a function that returns a Model"
-        )
+        values = dict(zip(names, p.tolist(), strict=True))
+        remedy = "a function that returns a Model"
+        return checks.instance("what model returns", model(**values), Model, remedy)
 
     def residuals(p: np.ndarray) -> np.ndarray:
         with np.errstate(divide="ignore"):
@@ -452,16 +451,16 @@ def _fitted(
     if not np.all(np.isfinite(first)):
         got, remedy = f"0 from {made(start)!r}", "add an element that responds"
         checks.refuse("model", f"have {names_of_rows} above 0", got, remedy)
-    found = least_squares(residuals, start, bounds=tuple(limits), x_scale=start)
-    sizes, at_bound = np.maximum(found.x, start), found.active_mask != 0
-    covariance, _ = covariance_of(found, sizes, at_bound, True, names)
+    fit = least_squares(residuals, start, bounds=tuple(limits), x_scale=start)
+    sizes, at_bound = np.maximum(fit.x, start), fit.active_mask != 0
+    covariance, _ = covariance_of(fit, sizes, at_bound, True, names)
     return ModelFit(
-        **estimates_of(names, found.x, covariance, at_bound, found.message),
+        **estimates_of(names, fit.x, covariance, at_bound, fit.message),
         freedom=float(data.size - np.sum(~at_bound)),
-        cost=float(found.cost),
-        success=bool(found.success),
-        model=made(found.x),
-        residuals=found.fun.reshape(data.shape if len(data) > 1 else -1),
+        cost=float(fit.cost),
+        success=bool(fit.success),
+        model=made(fit.x),
+        residuals=fit.fun.reshape(data.shape if len(data) > 1 else -1),
     )
 
 
@@ -472,15 +471,15 @@ def _limits(
     required = "be a mapping of names to (lowest, highest)"
     if set(checks.mapping("bounds", bounds, required)) - set(names):
         checks.refuse("bounds", f"be of {', '.join(names)}", repr(bounds))
-    found = np.tile([[0.0], [np.inf]], len(names))
+    limits = np.tile([[0.0], [np.inf]], len(names))
     for name, pair in bounds.items():
-        limits = np.asarray(pair)
-        if limits.shape != (2,) or limits.dtype.kind not in "iuf" or not limits[0] < limits[1]:
+        ends = np.asarray(pair)
+        if ends.shape != (2,) or ends.dtype.kind not in "iuf" or not ends[0] < ends[1]:
             checks.refuse(f"bounds[{name!r}]", "be (lowest, highest)", repr(pair))
-        found[:, names.index(name)] = limits
-    if np.any(start < found[0]) or np.any(start > found[1]):
+        limits[:, names.index(name)] = ends
+    if np.any(start < limits[0]) or np.any(start > limits[1]):
         checks.refuse("p0", "lie within the bounds", checks.shown(start))
-    return found
+    return limits
 
 
 def _complex_array(name: str, values: ArrayLike) -> np.ndarray:

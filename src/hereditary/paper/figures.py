@@ -147,12 +147,12 @@ def _spectra(
     lines = []
     for (title, fixed), (above, below) in zip(panels.items(), axes.T, strict=True):
         tables = {
-            part: job.sweep(growth_exponent, grid, **run, **CLASSICAL, **fixed)
-            for part, run in runs.items()
+            run: job.sweep(growth_exponent, grid, **settings, **CLASSICAL, **fixed)
+            for run, settings in runs.items()
         }
         table = merged(tables)
-        for part, label in zip(runs, names, strict=False):
-            plots.lyapunov_spectrum(table, f"{part}_exponent", ax=above, name=label)
+        for run, label in zip(runs, names, strict=False):
+            plots.lyapunov_spectrum(table, f"{run}_exponent", ax=above, name=label)
         plots.lyapunov_spectrum(
             table, "long_slope", "long_slope_stderr", below,
             name=f"late slope, {long / 2:g} to {long:g}",
@@ -182,12 +182,12 @@ def _orbits(
 ) -> list[str]:
     """Draw oscillogram, velocity and phase portrait, a column for each value of a parameter."""
     times = np.linspace(0.0, T_END, job.size(N_STEPS, 5000) + 1)
-    found, stays, coarse = [], [], []
+    orbits, stays, coarse = [], [], []
     rows: Any  # of an orbit, then of the table
     for value in values:
         chosen = {parameter: value, **CLASSICAL, **fixed}
         *rows, intervals = orbit(times=times, **chosen)
-        found.append(rows)
+        orbits.append(rows)
         stays.append(intervals)
         coarse.append(orbit(times=times, n_steps=N_STEPS, **chosen))
     figure, axes = plt.subplots(
@@ -196,8 +196,8 @@ def _orbits(
     )  # fmt: skip
     lines = []
     for k, value in enumerate(values):
-        _one_orbit(axes[:, k], times, found[k], coarse[k], f"${symbol} = {value:g}$")
-        apart = np.abs(found[k][0] - coarse[k][0])
+        _one_orbit(axes[:, k], times, orbits[k], coarse[k], f"${symbol} = {value:g}$")
+        apart = np.abs(orbits[k][0] - coarse[k][0])
         ends = [s[0][1] for s in (stays[k], coarse[k][2])]
         lines.append(
             f"{parameter} {value:g}: first stay ends at {ends[0]:.4f} (tau = 0.005: {ends[1]:.4f});"
@@ -206,8 +206,8 @@ def _orbits(
             f" {apart[-1]:.2g} at the end"
         )
     rows = {
-        "place": [rows[0] for rows in found],
-        "velocity": [rows[1] for rows in found],
+        "place": [rows[0] for rows in orbits],
+        "velocity": [rows[1] for rows in orbits],
         "paper_place": [rows[0] for rows in coarse],
         "paper_velocity": [rows[1] for rows in coarse],
     }

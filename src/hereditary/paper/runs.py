@@ -70,7 +70,7 @@ def exponents(*, horizons: Sequence[float], h: float, **parameters: Any) -> dict
     run = lyapunov(
         equation, horizons[-1], steps[-1], scheme=ExplicitCaputo(), renorm=renorm, **ALONE
     )
-    found: dict[str, Any] = {"exponent": [], "slope": [], "slope_stderr": [], "verdict": []}
+    slopes: dict[str, Any] = {"exponent": [], "slope": [], "slope_stderr": [], "verdict": []}
     for n in steps:
         reached = run.times <= h * (n + 0.5)
         late = assess(
@@ -81,11 +81,11 @@ def exponents(*, horizons: Sequence[float], h: float, **parameters: Any) -> dict
             memory(equation.system),
         )
         rates = run.trace[reached, 0]
-        found["exponent"].append(float(rates[-1]) if rates.size else math.nan)
-        found["slope"].append(float(late.slope[0]))
-        found["slope_stderr"].append(float(late.slope_stderr[0]))
-        found["verdict"].append(str(late.verdicts[0]))
-    return found | {"status": run.status}
+        slopes["exponent"].append(float(rates[-1]) if rates.size else math.nan)
+        slopes["slope"].append(float(late.slope[0]))
+        slopes["slope_stderr"].append(float(late.slope_stderr[0]))
+        slopes["verdict"].append(str(late.verdicts[0]))
+    return slopes | {"status": run.status}
 
 
 def orbit(
@@ -109,10 +109,10 @@ def section(
     # by collocation, or with given steps of a scheme of second order
     rtol, scheme = (1e-7, None) if n_steps is None else (None, BDF(2))
     solution = solve(stick_slip(**parameters), t_end, n_steps, scheme=scheme, rtol=rtol)
-    found = stroboscopic(solution, wells_period(**parameters), t_end / 2, count)
-    speeds = values_at(solution, found.t[np.isfinite(found.t)], 1)[:, 0]
+    samples = stroboscopic(solution, wells_period(**parameters), t_end / 2, count)
+    speeds = values_at(solution, samples.t[np.isfinite(samples.t)], 1)[:, 0]
     return {
-        "place": found.within(WELL)[:, 0],
+        "place": samples.within(WELL)[:, 0],
         "velocity": np.append(speeds, np.full(count - speeds.size, np.nan)),
         "status": solution.status,
     }
@@ -129,14 +129,14 @@ def regime(*, t_end: float, n_steps: int, **parameters: Any) -> dict[str, Any]:
         for n, every in ((n_steps, 4), (n_steps // 2, 2))
     )
     growth = lyapunov(equation, t_end, n_steps, scheme=scheme, verify=False)
-    found = classify(solution, growth, period=wells_period(**parameters), check=check)
+    verdict = classify(solution, growth, period=wells_period(**parameters), check=check)
     return {
-        "regime": str(found.regime),
-        "certainty": found.certainty,
-        "irregular": found.irregular,
-        "recurrence": found.recurrence,
-        "cycle": found.cycle,
-        "longest_stay": found.longest_stay,
+        "regime": str(verdict.regime),
+        "certainty": verdict.certainty,
+        "irregular": verdict.irregular,
+        "recurrence": verdict.recurrence,
+        "cycle": verdict.cycle,
+        "longest_stay": verdict.longest_stay,
         "exponent": float(growth.exponents[0]),
         "slope": float(growth.slope[0]),
         "slope_stderr": float(growth.slope_stderr[0]),

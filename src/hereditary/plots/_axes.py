@@ -50,6 +50,6 @@ def chosen(components: Any, d: int) -> Any:
     return component_numbers(components, d).tolist()
 
 
-def style(own: dict[str, Any], line: dict[str, Any]) -> dict[str, Any]:
+def style(defaults: dict[str, Any], line: dict[str, Any]) -> dict[str, Any]:
     """Return keywords of a line; those of the user replace ours, also under their short names."""
-    return normalize_kwargs(own, Line2D) | normalize_kwargs(line, Line2D)
+    return normalize_kwargs(defaults, Line2D) | normalize_kwargs(line, Line2D)

@@ -239,16 +239,16 @@ def frequency_response(
         which = chosen(components, response.coefficients.shape[1])
         labels = [str(line.pop("label"))] if "label" in line else []
         for k, c in enumerate(which):
-            own = style({"color": f"C{k}"}, line)
-            own["label"] = ", ".join(labels + [f"component {c}"] * (len(which) > 1)) or None
+            keywords = style({"color": f"C{k}"}, line)
+            keywords["label"] = ", ".join(labels + [f"component {c}"] * (len(which) > 1)) or None
             values, harmonic, branch = _joined(response, c)
             drawn = np.angle(harmonic) if truth("phase", phase) else np.abs(harmonic)
             for number in np.unique(branch):
                 here = branch == number
                 here[:-1] |= here[1:]  # joined to the branch before
                 dashed = {"ls": "--" if number % 2 else "-"}
-                ax.plot(values[here], drawn[here], **style(dashed, own))
-                own.pop("label", None)  # once for all branches
+                ax.plot(values[here], drawn[here], **style(dashed, keywords))
+                keywords.pop("label", None)  # once for all branches
         if labels or len(which) > 1:
             ax.legend()
         by_frequency = np.array_equal(response.values, response.omega)

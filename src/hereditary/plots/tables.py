@@ -79,8 +79,8 @@ def lyapunov_spectrum(
         for k in range(y.shape[1]):
             label = name if y.shape[1] == 1 or name is None else f"{name}, {k + 1}"
             # a line breaks where a value is missing
-            own = {"marker": ".", "ms": 4, "label": label}
-            (drawn_line,) = ax.plot(x, y[:, k], **style(own, line))
+            defaults = {"marker": ".", "ms": 4, "label": label}
+            (drawn_line,) = ax.plot(x, y[:, k], **style(defaults, line))
             if bars is not None:
                 ax.errorbar(x, y[:, k], bars[:, k], fmt="none", color=drawn_line.get_color())
         _cross_out(ax, x[~table.success])
@@ -124,8 +124,8 @@ def bifurcation(
         places, samples = np.repeat(x, y.shape[1]), y.ravel()
         shown = np.isfinite(samples) & np.repeat(table.success, y.shape[1])
         many = int(shown.sum()) > _MAX_POINTS_AS_VECTORS
-        own = {"ls": "", "marker": "o", "ms": 1.2 if many else 2, "mew": 0, "rasterized": many}
-        ax.plot(places[shown], samples[shown], **style(own, points))
+        defaults = {"ls": "", "marker": "o", "ms": 1.2 if many else 2, "mew": 0, "rasterized": many}
+        ax.plot(places[shown], samples[shown], **style(defaults, points))
         _cross_out(ax, x[~table.success])
         ax.set(xlabel=LABELS.get(axis, axis), ylabel=value if ylabel is None else ylabel)
         ax.margins(x=0.01)
@@ -175,8 +175,8 @@ def regime_map(
         if failed.any():
             rows, columns = np.nonzero(failed)
             ax.plot(x[columns], y[rows], "x", color=_DARK, ms=3, mew=0.6, rasterized=True)
-        found = [item for item in COLOURS.items() if np.any(verdicts == item[0])]
-        handles = [Patch(color=colour, label=kind) for kind, colour in found]
+        shown = [item for item in COLOURS.items() if np.any(verdicts == item[0])]
+        handles = [Patch(color=colour, label=kind) for kind, colour in shown]
         ax.legend(handles=handles, loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=3,
                   frameon=False)  # fmt: skip
         if certainty is not None:

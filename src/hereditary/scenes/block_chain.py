@@ -125,10 +125,10 @@ def stick_slip_chain(
 
 def _by_blocks(name: str, values: ArrayLike, blocks: int) -> np.ndarray:
     """Return an array with one number for each block."""
-    found = real_array(name, values)
-    if found.shape not in ((), (blocks,)):
-        refuse(name, f"be a number or have shape ({blocks},)", f"shape {found.shape}")
-    return np.broadcast_to(found, blocks)
+    array = real_array(name, values)
+    if array.shape not in ((), (blocks,)):
+        refuse(name, f"be a number or have shape ({blocks},)", f"shape {array.shape}")
+    return np.broadcast_to(array, blocks)
 
 
 class Slips(NamedTuple):

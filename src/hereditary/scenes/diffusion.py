@@ -91,17 +91,17 @@ def _field(
     name: str, values: ArrayLike | None, shape: tuple[int, ...], default: np.ndarray
 ) -> np.ndarray:
     """Return values on the points as one row."""
-    found = default if values is None else real_array(name, values)
-    if found.shape != shape:
-        refuse(name, f"have shape {shape}", f"shape {found.shape}")
-    return found.ravel()
+    field = default if values is None else real_array(name, values)
+    if field.shape != shape:
+        refuse(name, f"have shape {shape}", f"shape {field.shape}")
+    return field.ravel()
 
 
 def _laplacian(points: int, dimensions: int) -> Any:
     """Return the second differences on the points, a SciPy CSR array."""
     sparse: Any = importlib.import_module("scipy.sparse")
-    own = [1.0, -2.0, 1.0]
-    line = (points + 1) ** 2 * sparse.diags_array(own, offsets=[-1, 0, 1], shape=(points, points))
+    stencil, shape = [1.0, -2.0, 1.0], (points, points)
+    line = (points + 1) ** 2 * sparse.diags_array(stencil, offsets=[-1, 0, 1], shape=shape)
     if dimensions == 1:
         return line.tocsr()
     unit = sparse.eye_array(points)

@@ -284,8 +284,8 @@ def selkov(
     params, scale = (real("a", a), real("b", b)), positive("time_scale", time_scale)
     each = alpha if isinstance(alpha, (tuple, list)) else (alpha, alpha)
     if not any(callable(order) for order in each):
-        found = coupled(2, alpha, _selkov, y0, params, _selkov_jacobian)
-        return found.replace(terms=scale ** (found.orders[0] - 1) * Caputo(found.orders[0]))
+        scene = coupled(2, alpha, _selkov, y0, params, _selkov_jacobian)
+        return scene.replace(terms=scale ** (scene.orders[0] - 1) * Caputo(scene.orders[0]))
     if len(each) != 2 or not all(callable(order) for order in each):
         required = "be functions of the time for both components, or for none"
         refuse("alpha", required, repr(alpha), "write lambda t: 0.9")

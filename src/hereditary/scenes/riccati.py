@@ -74,11 +74,11 @@ def riccati(
     if not any(np.iscomplexobj(value) for value in named.values()):
         *params, start = (real(name, value) for name, value in named.items())
         return Equation(Caputo(alpha), _quadratic, start, params, _quadratic_jacobian)
-    found = []
+    numbers = []
     for name, value in named.items():
         number = np.asarray(value)
         if number.ndim or number.dtype.kind not in "iufc" or not np.isfinite(number):
             refuse(name, "be a finite number, real or complex", repr(value))
-        found.append(complex(number))
-    params = [part for number in found[:3] for part in (number.real, number.imag)]
-    return Equation(Caputo(alpha), _complex_quadratic, found[3], params)
+        numbers.append(complex(number))
+    params = [part for number in numbers[:3] for part in (number.real, number.imag)]
+    return Equation(Caputo(alpha), _complex_quadratic, numbers[3], params)

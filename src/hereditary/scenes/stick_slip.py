@@ -144,10 +144,10 @@ def stick_slip(
 
 def checked_well(well: ArrayLike | None) -> np.ndarray:
     """Return Fourier coefficients (n,) of the force, the printed ones by default."""
-    found = real_array("well", PRINTED_WELL if well is None else well)
-    if found.ndim != 1 or found.size == 0:
-        refuse("well", "be a flat sequence a_1, a_2, ...", f"shape {found.shape}")
-    return found
+    coefficients = real_array("well", PRINTED_WELL if well is None else well)
+    if coefficients.ndim != 1 or coefficients.size == 0:
+        refuse("well", "be a flat sequence a_1, a_2, ...", f"shape {coefficients.shape}")
+    return coefficients
 
 
 def well_coefficients(n: int) -> np.ndarray:

@@ -159,15 +159,15 @@ class StepPieces(Piece):
             increment = self.rows[i] - self.rows[i - 1]
             change = 2.0 * (h * self.slopes[i] - increment)
             if derivative:
-                found = (increment + (0.5 + back) * change) / h
+                values = (increment + (0.5 + back) * change) / h
             else:
-                found = self.rows[i] + back * (increment + 0.5 * (1.0 + back) * change)
+                values = self.rows[i] + back * (increment + 0.5 * (1.0 + back) * change)
         if self.starting is not None:
             for number in (1, 2):
                 inside = (i + self._n == number) & (t < self.times[i])
                 if inside.any():
-                    found[inside] = self.starting.near(number, t[inside], derivative)
-        return found
+                    values[inside] = self.starting.near(number, t[inside], derivative)
+        return values
 
 
 def curve(
@@ -187,12 +187,12 @@ def curve(
             middle = (t[chords] + t[chords + 1]) / 2
             inside = (t[chords] < middle) & (middle < t[chords + 1])
             chords, middle = chords[inside], middle[inside]
-            found = np.hstack([solution(middle, k)[:, components] for k in derivatives])
-            missed = np.abs(found - (values[chords] + values[chords + 1]) / 2) > allowed
+            at_middle = np.hstack([solution(middle, k)[:, components] for k in derivatives])
+            missed = np.abs(at_middle - (values[chords] + values[chords + 1]) / 2) > allowed
             bent = missed.any(axis=1) | (halvings < _MIN_HALVINGS_OF_STEP)
             chords, halvings = chords[bent], halvings + 1
             t = np.insert(t, chords + 1, middle[bent])
-            values = np.insert(values, chords + 1, found[bent], axis=0)
+            values = np.insert(values, chords + 1, at_middle[bent], axis=0)
             chords = chords + np.arange(chords.size)
             chords = np.sort(np.concatenate([chords, chords + 1]))
     return t, values

@@ -77,7 +77,7 @@ class Scheme(ABC):
         if system.reads:
             if not self.takes_memory:
                 required = f"need no memory that the right-hand side reads with {name}"
-                of_memory = [op for op, own in system.left if np.any(own[system.is_memory])]
+                of_memory = [op for op, c in system.left if np.any(c[system.is_memory])]
                 got = " and ".join(map(str, of_memory))
                 refuse("terms", required, got, remedy)
             remedy = "use ExplicitCaputo or L1"

@@ -62,11 +62,11 @@ def state_of(stepper: Any, scheme: Scheme, how: Any, history: Any = None) -> Sta
     return replace(state, version=_version(), layout=layout_of(state))
 
 
-def _arrays(part: Any) -> list[np.ndarray]:
+def _arrays(item: Any) -> list[np.ndarray]:
     """List the arrays in a tuple and in the tuples inside it; ignore objects of other types."""
-    if isinstance(part, np.ndarray):
-        return [part]
-    return [array for each in part for array in _arrays(each)] if isinstance(part, tuple) else []
+    if isinstance(item, np.ndarray):
+        return [item]
+    return [array for each in item for array in _arrays(each)] if isinstance(item, tuple) else []
 
 
 def check_sound(state: Any) -> None:
@@ -87,8 +87,8 @@ def check_version(version: str) -> None:
 
 def layout_of(state: State) -> list[tuple]:
     """Return the shape and the type of each array of a state that compiled code reads."""
-    objects = (part for part in state.checkpoint if hasattr(part, "__dict__"))
-    arrays = _arrays((state.y, state.checkpoint, *(tuple(vars(part).values()) for part in objects)))
+    objects = (tuple(vars(item).values()) for item in state.checkpoint if hasattr(item, "__dict__"))
+    arrays = _arrays((state.y, state.checkpoint, *objects))
     return [(array.shape, array.dtype.str) for array in arrays]
 
 
@@ -97,11 +97,11 @@ def _version() -> str:
     return importlib.metadata.version("hereditary")
 
 
-def identity(system: System, t: float, **how: Any) -> dict[str, Any]:
+def identity(system: System, t: float, **properties: Any) -> dict[str, Any]:
     """Return the properties of a run to time t that a run must share to resume it, by name."""
-    # how: further ones, such as the scheme and tolerances, in a form that can be compared
+    # properties: further ones, such as the scheme and tolerances, in a form that can be compared
     return {
-        **how,
+        **properties,
         **described_terms(system, t),
         "y0": system.y0[:, : system.n_solved].tolist(),
         "t_start": system.frame.start,

@@ -15,20 +15,19 @@ def checked_breaks(breaks: ArrayLike, start: float) -> np.ndarray:
     """Return the breaks as increasing, distinct times after `start`, shape (k,), minus `start`."""
     if isinstance(breaks, tuple) and not breaks:
         return np.zeros(0)
-    given = real_array("breaks", breaks)
-    if given.size == 0:
-        return given.ravel()
-    if given.ndim != 1 or np.any(np.diff(given) <= 0) or np.any(given <= start):
-        refuse("breaks", f"be increasing times above {start:g}", shown(given))
-    times = given - start
+    times = real_array("breaks", breaks)
+    if times.size == 0:
+        return times.ravel()
+    if times.ndim != 1 or np.any(np.diff(times) <= 0) or np.any(times <= start):
+        refuse("breaks", f"be increasing times above {start:g}", shown(times))
+    times -= start
     return times[np.append(True, ~together(times[1:], times[:-1], start))]
 
 
 def together(times: Any, t: Any, origin: float = 0.0) -> np.ndarray:
     """Return for each of `times` whether it equals t up to rounding, but none an infinite t."""
     # the user's times are these plus `origin`, whose rounding errors count too
-    near = np.abs(times - t) <= ONE_TIME * np.maximum(np.abs(t), abs(origin))
-    return near & np.isfinite(t)
+    return np.isfinite(t) & (np.abs(times - t) <= ONE_TIME * np.maximum(np.abs(t), abs(origin)))
 
 
 def breaks_ahead(

@@ -55,13 +55,13 @@ def refusing(instead: dict[str, str]) -> Callable[[Callable[_P, _R]], Callable[_
     # a message says what to write `instead`, or names the most similar argument, or the help
 
     def decorator(function: Callable[_P, _R]) -> Callable[_P, _R]:
-        own, called = list(inspect.signature(function).parameters), function.__name__
+        parameters, called = list(inspect.signature(function).parameters), function.__name__
 
         @wraps(function)
         def checked(*args: _P.args, **keywords: _P.kwargs) -> _R:
-            for name in [name for name in keywords if name not in own]:
-                near = difflib.get_close_matches(name, own, n=1, cutoff=_MIN_SIMILARITY)
-                default = f"write {near[0]}=" if near else f"see help(hereditary.{called})"
+            for name in [name for name in keywords if name not in parameters]:
+                similar = difflib.get_close_matches(name, parameters, n=1, cutoff=_MIN_SIMILARITY)
+                default = f"write {similar[0]}=" if similar else f"see help(hereditary.{called})"
                 required, got = f"be left out of {called}", reprlib.repr(keywords[name])
                 refuse(name, required, got, instead.get(name, default), kind=TypeError)
             return function(*args, **keywords)
@@ -194,8 +194,8 @@ def whole(value: Any) -> Any:
 
 def refuse_masked(argument: str, value: Any, required: str = "be real, finite numbers") -> None:
     """Refuse masked entries, because NumPy reads the numbers under a mask."""
-    for part in value if isinstance(value, (list, tuple)) else (value,):
-        if isinstance(part, np.ma.MaskedArray) and np.ma.is_masked(part):
+    for array in value if isinstance(value, (list, tuple)) else (value,):
+        if isinstance(array, np.ma.MaskedArray) and np.ma.is_masked(array):
             remedy = "leave these entries out, or fill them with .filled(...)"
             refuse(argument, required, "masked entries", remedy)
 
@@ -238,20 +238,20 @@ def _call_named(name: str, kind: type) -> str:
     for one in classes:
         classes += one.__subclasses__()
     package = __name__.split(".")[0] + "."
-    known = {c.__name__.lower(): c for c in classes if c.__module__.startswith(package)}
-    near = difflib.get_close_matches(name.lower(), known, n=1, cutoff=_MIN_SIMILARITY)
-    if not near:
+    by_name = {c.__name__.lower(): c for c in classes if c.__module__.startswith(package)}
+    similar = difflib.get_close_matches(name.lower(), by_name, n=1, cutoff=_MIN_SIMILARITY)
+    if not similar:
         return ""
-    found = known[near[0]]
-    needed = [p for p in inspect.signature(found).parameters.values() if p.default is p.empty]
-    return f"write hd.{found.__name__}({'...' if needed else ''})"
+    cls = by_name[similar[0]]
+    needed = [p for p in inspect.signature(cls).parameters.values() if p.default is p.empty]
+    return f"write hd.{cls.__name__}({'...' if needed else ''})"
 
 
 def component_numbers(components: Any, d: int, argument: str = "components") -> np.ndarray:
     """Return numbers of components, 0 to d - 1, as an array; refuse anything else."""
     refuse_masked(argument, components, "be whole numbers")
-    found = np.atleast_1d(np.asarray(components))
-    whole = found.ndim == 1 and found.size and found.dtype.kind in "iu"
-    if not whole or np.any(found < 0) or np.any(found >= d):
+    indices = np.atleast_1d(np.asarray(components))
+    whole = indices.ndim == 1 and indices.size and indices.dtype.kind in "iu"
+    if not whole or np.any(indices < 0) or np.any(indices >= d):
         refuse(argument, f"be numbers of components, 0 to {d - 1}", shown(components))
-    return found.astype(np.int64)
+    return indices.astype(np.int64)

@@ -22,7 +22,7 @@ class IdentifiabilityWarning(UserWarning):
 
 
 def covariance_of(
-    found: Any,
+    optimum: Any,
     scale: np.ndarray,
     at_bound: np.ndarray,
     estimated: bool,
@@ -32,7 +32,7 @@ def covariance_of(
     # Entries are NaN for a parameter at a bound, and for one in a combination that does not change
     # residuals. The function warns of such combinations if `names` are given.
     free = np.flatnonzero(~at_bound)
-    jacobian = found.jac[:, free] * scale[free]
+    jacobian = optimum.jac[:, free] * scale[free]
     sizes = np.linalg.norm(jacobian, axis=0)
     dead = sizes <= _UNDETERMINED * sizes.max(initial=0.0)
     sizes[dead] = 1.0
@@ -47,8 +47,8 @@ def covariance_of(
     half = (rows.T * inverse) * (scale[free] / sizes)[:, None]
     spread = half @ half.T
     if estimated:
-        freedom = found.jac.shape[0] - free.size
-        spread *= 2 * found.cost / freedom if freedom > 0 else np.nan
+        freedom = optimum.jac.shape[0] - free.size
+        spread *= 2 * optimum.cost / freedom if freedom > 0 else np.nan
     spread[unknown] = spread[:, unknown] = np.nan
     covariance = np.full((scale.size, scale.size), np.nan)
     covariance[np.ix_(free, free)] = spread
@@ -130,7 +130,7 @@ def estimates_of(
 ) -> dict[str, Any]:
     """Return the fields of `Estimates` that follow from parameters (m,) and their covariance."""
     errors = np.sqrt(np.diag(covariance))
-    held = np.array(names)[at_bound].tolist()
+    bound = np.array(names)[at_bound].tolist()
     with np.errstate(invalid="ignore", divide="ignore"):
         correlation = covariance / np.outer(errors, errors)
     return {
@@ -138,6 +138,6 @@ def estimates_of(
         "standard_errors": dict(zip(names, errors.tolist(), strict=True)),
         "covariance": covariance,
         "correlation": correlation,
-        "at_bound": held,
-        "message": message + (f" At a bound: {', '.join(held)}." if held else ""),
+        "at_bound": bound,
+        "message": message + (f" At a bound: {', '.join(bound)}." if bound else ""),
     }
