@@ -25,7 +25,7 @@ from hereditary.collocation.quadrature import (
     to_legendre,
 )
 from hereditary.collocation.varying import varying_basis
-from hereditary.support.spares import Spares
+from hereditary.support.pool import Pool
 
 NUMBERS = (2, 3, 4, 6, 8, 12)
 ORDERS = (1e-6, 0.02, 0.5, 0.999999, 1.0)
@@ -443,17 +443,17 @@ def test_a_changed_first_step_is_made_anew(changed):
     assert not np.array_equal(new.decays, known.decays) or changed == "variable"
 
 
-def test_spares_give_each_object_to_one_user_and_keep_the_newest():
-    spares, made = Spares(2), []
+def test_a_pool_gives_each_object_to_one_user_and_keeps_the_newest():
+    pool, made = Pool(2), []
 
     def make():
         made.append(object())
         return made[-1]
 
-    taken = [spares.take("a", make) for _ in range(3)]
+    taken = [pool.acquire("a", make) for _ in range(3)]
     assert len({id(one) for _, one in taken}) == 3
     for one in taken:
-        spares.give_back(one)
-    assert [spares.take("a", make)[1] for _ in range(2)] == [made[2], made[1]]
-    assert spares.take("a", make)[1] is made[3]
-    assert spares.take("b", make)[1] is made[4]
+        pool.release(one)
+    assert [pool.acquire("a", make)[1] for _ in range(2)] == [made[2], made[1]]
+    assert pool.acquire("a", make)[1] is made[3]
+    assert pool.acquire("b", make)[1] is made[4]

@@ -331,13 +331,13 @@ class AdaptiveStepper(ResumableStepper, TangentStepper, JumpingStepper):
         orbit, s = self._orbit, self._s
         sums, arrays = orbit.sums, orbit.march_arrays()
         sizes = {"K": N_TABLE_LENGTHS, "M": sums.of_varying.size, "s": s, "n_k": sums.masses.size}
-        taken = spare_tables.take(sums.key, lambda: checked(zeros(StepTables, **sizes)))
+        taken = spare_tables.acquire(sums.key, lambda: checked(zeros(StepTables, **sizes)))
         try:
             return self._march(
                 self._marched, steps, limits, self._rule, sums.basis, taken[1], arrays, self._stages
             )
         finally:
-            spare_tables.give_back(taken)
+            spare_tables.release(taken)
 
     def _march(
         self,

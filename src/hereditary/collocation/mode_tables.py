@@ -16,7 +16,7 @@ import numpy as np
 
 from ..compiled.jit import inner, plug_in
 from ..compiled.linalg import add_rows, clear, clear_matrix, multiply_modes, put
-from ..support.spares import Spares
+from ..support.pool import Pool
 from .operators import first_of_kind, number_of
 
 # Number of step lengths between two powers of 2: lengths are 2**(n / _PER_OCTAVE), rounded up.
@@ -310,4 +310,4 @@ def turning_legendre(z, n, out):
 # Tables that no march uses at present. Factors depend only on the step length, the nodes, the rates
 # and the kernels, which are the key of a table. So results do not depend on which lengths a table
 # contains already.
-spare_tables = Spares(_TABLES_MAX)
+spare_tables = Pool(_TABLES_MAX)

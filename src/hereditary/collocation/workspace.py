@@ -6,7 +6,7 @@ import numpy as np
 
 from ..compiled.jit import checked
 from ..compiled.records import zeros
-from ..support.spares import Spares
+from ..support.pool import Pool
 from .equations import Form
 from .stage_solver import StageSolver, stage_solver
 from .structures import ModeWeights, Operators, StageWorkspace
@@ -26,7 +26,7 @@ class Workspace(NamedTuple):
 
 
 # Workspaces that no march uses at present.
-spare_workspaces = Spares(_WORKSPACES_MAX)
+spare_workspaces = Pool(_WORKSPACES_MAX)
 
 
 def take_workspace(
@@ -52,7 +52,7 @@ def take_workspace(
 
     if solver is not None:
         return None, make()
-    taken = spare_workspaces.take((form.layout, *modes.shape, s, offsets), make)
+    taken = spare_workspaces.acquire((form.layout, *modes.shape, s, offsets), make)
     taken[1].solver.stages.control[:] = 0.0
     return taken
 
@@ -60,4 +60,4 @@ def take_workspace(
 def give_back(taken: tuple[Any, Workspace]) -> None:
     """Keep a workspace for later marches."""
     if taken[0] is not None:
-        spare_workspaces.give_back(taken)
+        spare_workspaces.release(taken)

@@ -5,24 +5,24 @@ from collections.abc import Callable, Hashable
 from typing import Any
 
 
-class Spares:
+class Pool:
     """The newest `most` objects that nobody uses at present, by a key that says which are alike."""
 
     def __init__(self, most: int) -> None:
-        # who takes an object has it alone, so threads never write into the same arrays
+        # who acquires an object has it alone, so threads never write into the same arrays
         self._most, self._lock = most, threading.Lock()
         self._kept: list[tuple[Hashable, Any]] = []
 
-    def take(self, key: Hashable, make: Callable[[], Any]) -> tuple[Hashable, Any]:
-        """Remove and return a key and an object of it, made if none is kept, for `give_back`."""
+    def acquire(self, key: Hashable, make: Callable[[], Any]) -> tuple[Hashable, Any]:
+        """Remove and return a key and an object of it, made if none is kept, for `release`."""
         with self._lock:
             for place in range(len(self._kept) - 1, -1, -1):
                 if self._kept[place][0] == key:
                     return self._kept.pop(place)
         return key, make()
 
-    def give_back(self, taken: tuple[Hashable, Any]) -> None:
-        """Keep the pair that `take` returned for the next one who asks for this key."""
+    def release(self, acquired: tuple[Hashable, Any]) -> None:
+        """Keep the pair that `acquire` returned for the next one who asks for this key."""
         with self._lock:
-            self._kept.append(taken)
+            self._kept.append(acquired)
             del self._kept[: -self._most]
