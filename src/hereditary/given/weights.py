@@ -69,7 +69,7 @@ def value_weights(
 def parabola_weights(theta: float, closing: bool) -> WeightRule:
     """Return the rule of first derivatives at t_n + theta h for piecewise parabolic solutions."""
     # W_k = a_k + m_(k+1) - m_k, a_k of `shifted_differences`, m_k = int K(t) (middle - t) dt over
-    # [k-1+theta, k+theta]: parabolas use the value at the end of the next interval. With `closing`
+    # [k-1+theta, k+theta]. Parabolas use the value at the end of the next interval. With `closing`
     # (theta = 1) the last interval has the parabola before: m_0 over [0, 1] is added to W_0,
     # subtracted from W_1.
     return WeightRule(partial(_parabola, theta, closing))

@@ -36,9 +36,8 @@ from ..signatures import HistoryArrays, Tables, held
 from ..steps import Span
 from .history import History, OpenHistory
 
-# Number of steps that a bank covers at least; longer runs get a bank for ten times as many, and so
-# on. Every run may be resumed up to this step, and all shorter runs share one bank. A bank for 1e4
-# steps would have a third fewer modes at a tolerance of 1e-10.
+# Steps that a bank covers at least; longer runs get a bank for ten times as many. All runs up to
+# this step share one bank. A bank for 1e4 steps would have a third fewer modes at 1e-10.
 _STEPS_COVERED = 2 * 10**7
 # Number of steps of a mesh whose tables are computed at a time.
 _MESH_STEPS_AT_ONCE = 256
@@ -207,12 +206,9 @@ class _RowModes(OpenHistory):
         n_sets = 1 if mesh is None else self._kinds.size
         rates, n_modes = self._bank()
         self._rates, self.n_modes = rates / self._nearest, n_sets * n_modes
-        tables = Tables(
-            first=-1,
-            rows=ROWS_AT_ONCE if mesh is None else _MESH_STEPS_AT_ONCE,
-            length=rates.size if n_sets == 2 else 0,
-            derivatives=derivatives,
-        )
+        rows = ROWS_AT_ONCE if mesh is None else _MESH_STEPS_AT_ONCE
+        length = rates.size if n_sets == 2 else 0
+        tables = Tables(first=-1, rows=rows, length=length, derivatives=derivatives)
         arrays = held(n_columns, modes=n_sets * rates.size)
         super().__init__(self._exchange, tables, arrays, *past.exact(0))
 
@@ -314,14 +310,9 @@ class _Modes(OpenHistory):
     """Modes of pieces and of start values on uniform steps, and a window of exact weights."""
 
     def __init__(
-        self,
-        tables: Tables,
-        arrays: HistoryArrays,
-        blocks: tuple[np.ndarray, np.ndarray],
-        n_modes: int,
-        covered: int,
-        kernel_errors: KernelErrors,
-    ) -> None:
+        self, tables: Tables, arrays: HistoryArrays, blocks: tuple[np.ndarray, np.ndarray],
+        n_modes: int, covered: int, kernel_errors: KernelErrors,
+    ) -> None:  # fmt: skip
         # pieces drive their modes; modes of start values only decay
         super().__init__(exchange_modes, tables, arrays, *blocks)
         self.n_modes, self.kernel_errors = n_modes, kernel_errors

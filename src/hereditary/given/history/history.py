@@ -50,13 +50,9 @@ class OpenHistory(ABC):
     kernel_errors: KernelErrors = NO_ERRORS
 
     def __init__(
-        self,
-        exchange: Any,
-        tables: Tables,
-        arrays: HistoryArrays,
-        block_weights: np.ndarray,
+        self, exchange: Any, tables: Tables, arrays: HistoryArrays, block_weights: np.ndarray,
         block_start_weights: np.ndarray,
-    ) -> None:
+    ) -> None:  # fmt: skip
         self.exchange = as_value(exchange, EXCHANGE_SIG)
         self.block_weights = np.ascontiguousarray(block_weights)
         self.block_start_weights = np.ascontiguousarray(block_start_weights)
@@ -99,12 +95,9 @@ class OpenHistory(ABC):
 class NoMemory(OpenHistory):
     """The empty memory of an equation whose terms all have integer orders."""
 
-    def __init__(
-        self, n_columns: int, block_weights: np.ndarray, block_start_weights: np.ndarray
-    ) -> None:
-        super().__init__(
-            exchange_nothing, Tables(), held(n_columns), block_weights, block_start_weights
-        )
+    def __init__(self, n_columns: int, *weights: np.ndarray) -> None:
+        # weights: block_weights and block_start_weights
+        super().__init__(exchange_nothing, Tables(), held(n_columns), *weights)
 
     def prepare(self, n_end: int) -> None:
         """Do nothing: a march of any length needs no storage."""

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import lru_cache, partial
+from functools import lru_cache, partial, reduce
 from typing import Any
 
 import numpy as np
@@ -109,16 +109,12 @@ class BDF(Scheme):
             at_start, *drift = drift
             at_start[: p - 1] -= corrections
             corrections = -at_start
+        # lasting: corrections of the drift extend over _N_EARLY steps
         return uniform_plan(
-            system,
-            h,
-            1.0,
-            partial(weighed_by_power, h=h, rule=quadrature_weights(p)),
-            first_modal=_FIRST_MODAL[p - 1],
-            corrections=corrections,
-            drift=drift,
-            lasting=drift is not None,  # corrections of the drift extend over _N_EARLY steps
-        )
+            system, h, 1.0, partial(weighed_by_power, h=h, rule=quadrature_weights(p)),
+            first_modal=_FIRST_MODAL[p - 1], corrections=corrections, drift=drift,
+            lasting=drift is not None,
+        )  # fmt: skip
 
 
 def weighed_by_power(
@@ -136,8 +132,7 @@ def quadrature_weights(p: int) -> WeightRule:
 
 def _exact(p: int, alpha: float, n: int) -> np.ndarray:
     """Return n coefficients of ``(1-z)**(alpha-1) (sum_(k=1)^p (1-z)**(k-1) / k)**alpha``."""
-    factor = _shifted_power_sum(p)
-    return series_of_power(factor, float(alpha), n)
+    return series_of_power(_shifted_power_sum(p), float(alpha), n)
 
 
 @lru_cache(maxsize=8)
@@ -181,9 +176,9 @@ _N_LATE = 3
 def _formed_drift(system: System, h: float, p: int) -> Sequence[np.ndarray] | None:
     """Return the error of the formula for t y'(0) in terms of order gamma below 1."""
     # Increments leave out t y'(0), whose exact derivative is a multiple of t**(1-gamma). With it
-    # alone the order would be 2 - gamma, so the error is added: its first k values (k, d), and
-    # amplitudes and powers of its expansion (r, d). None if p is 1 or no component of order above 1
-    # has such terms.
+    # alone the order would be 2 - gamma, so the error is added. Results are its first k values (k,
+    # d), and amplitudes and powers of its expansion (r, d). None if p is 1 or no component of order
+    # above 1 has such terms.
     above = system.above
     lower = [
         (operator.order, np.where(above, c, 0.0))
@@ -208,9 +203,9 @@ def drift_defect(p: int, gamma: float) -> tuple[np.ndarray, np.ndarray]:
     """Return the formula's derivative of order gamma of t, less the exact one, for steps of 1."""
     # Samples of t with start corrections b, n + b_n, have the generating function delta**-2 up to
     # (1-z)**p. The formula makes q_n = sum_k W_k (1 + b_(n-k) - b_(n-k-1)) of them. The difference
-    # q_n - n**(1-gamma) / Gamma(2-gamma) is expanded in powers from n**(1-gamma-p) on, by a series
-    # in s of the generating function of q_n at z = exp(-s). Returns the difference at n = 1, 2, ..
-    # less its expansion (_N_EARLY,), and coefficients of the expansion (_N_LATE,).
+    # q_n - n**(1-gamma) / Gamma(2-gamma) is expanded in powers from n**(1-gamma-p) on. This is by a
+    # series in s of the generating function of q_n at z = exp(-s). Returns the difference at n = 1,
+    # 2, .. less its expansion (_N_EARLY,), and coefficients of the expansion (_N_LATE,).
     n = np.arange(1, _N_EARLY + 1)
     b = start_coefficients(p, 1)[: p - 2] if p > 2 else np.zeros(0)
     weights = _exact(p, gamma, _N_EARLY)
@@ -240,10 +235,7 @@ def _product(a: np.ndarray, b: np.ndarray) -> np.ndarray:
 
 def _power(a: np.ndarray, k: int) -> np.ndarray:
     """Return the k-th power of a power series, k = 0, 1, 2, .., with as many coefficients."""
-    total = np.eye(a.size)[0]
-    for _ in range(k):
-        total = _product(total, a)
-    return total
+    return reduce(_product, [a] * k, np.eye(a.size)[0])
 
 
 def _real_power(a: np.ndarray, exponent: float) -> np.ndarray:
@@ -262,19 +254,15 @@ def _start_corrections(system: System, h: float, p: int) -> np.ndarray:
     # Memory that f reads has its value at 0 in phi.
     if p == 1:
         return np.zeros((0, system.d))
-    values = np.empty((p, system.d))
     speed = np.where(system.is_memory, 0.0, system.y0[-1] if system.m == 2 else 0.0)
-    for i in range(p):
-        values[i] = system.rhs(i * h, system.at_start + i * h * speed)
+    values = np.array([system.rhs(i * h, system.at_start + i * h * speed) for i in range(p)])
     values -= np.where(system.above, system.coefficient(1.0), 0.0) * speed
     values[:, system.is_memory] = 0.0
     nodes = np.arange(p)
     taylor = np.linalg.solve(np.vander(nodes, increasing=True).astype(float), values)
     derivatives = taylor * np.cumprod(np.maximum(nodes, 1))[:, None]  # h**l phi^(l)(0)
-    total = np.zeros((p - 1, system.d))
-    for order in range(p - 1):
-        total += np.outer(start_coefficients(p, order), derivatives[order])
-    return total
+    summands = (np.outer(start_coefficients(p, n), derivatives[n]) for n in range(p - 1))
+    return sum(summands, np.zeros((p - 1, system.d)))
 
 
 @lru_cache(maxsize=32)

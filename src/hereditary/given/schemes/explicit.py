@@ -17,11 +17,9 @@ import numpy as np
 
 from ...equation.equation import Equation
 from ...equation.system import System
-from ...equation.terms import ConstantOrder
-from ...kernels.step_kernel import PowerSteps
 from ...stepping.scheme import Scheme, check_smoothness
 from ...support.checks import instance, refuse, within
-from ..plan import Plan, WeightRule
+from ..plan import Plan
 from ..row_plan import varying_plan
 from ..stability import largest_step
 from ..uniform_plan import uniform_plan
@@ -143,24 +141,13 @@ class ExplicitCaputo(Scheme):
             return varying_plan(system, h, 1.0, explicit=True)
         above_one = system.highest_orders() > 1
         speed = h * system.y0[1] if system.m == 2 else 0.0
-        starts: list[Any] = [(partial(_start_weights, h=h), np.where(above_one, speed, 0.0))]
+        speeds = partial(by_rule, h=h, rule=FIRST_DIFFERENCES)
+        starts: list[Any] = [(lambda c, op: speeds(-c, op), np.where(above_one, speed, 0.0))]
         if any(op.kernel is not None and op.derivative == 0 for op, _ in system.left):
             # y(0) is a start value if a kernel acts on y itself, because increments omit it
             values = partial(value_weights, h=h, theta=0.0, derivative=0)
             starts.append((values, system.y0[0]))
         return uniform_plan(
-            system,
-            h,
-            0.0,
-            partial(weighed, h=h),
-            starts=starts,
-            whole=True,
-            given=above_one.astype(np.int64),
-            slowest=SLOWEST,
-        )
-
-
-def _start_weights(
-    c: float, operator: ConstantOrder, h: float
-) -> tuple[float, WeightRule, PowerSteps]:
-    return by_rule(-c, operator, h, FIRST_DIFFERENCES)
+            system, h, 0.0, partial(weighed, h=h), starts=starts, whole=True,
+            given=above_one.astype(np.int64), slowest=SLOWEST,
+        )  # fmt: skip

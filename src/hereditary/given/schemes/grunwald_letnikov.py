@@ -151,15 +151,8 @@ class GrunwaldLetnikov(Scheme):
         if system.m == 2:  # h x'(0) is the second start value: the first one does not act in step 0
             start = np.where(system.highest_orders() > 1, h * system.y0[1], 0.0)
             starts.append((partial(weighed_by_power, h=h, rule=SPEED), start))
-        return uniform_plan(
-            system,
-            h,
-            0.0,
-            partial(weighed_by_power, h=h, rule=POWER_SERIES),
-            starts=starts,
-            whole=True,
-            slowest=SLOWEST,
-        )
+        weighed = partial(weighed_by_power, h=h, rule=POWER_SERIES)
+        return uniform_plan(system, h, 0.0, weighed, starts=starts, whole=True, slowest=SLOWEST)
 
 
 def _modal(alpha: float, rates: np.ndarray, weights: np.ndarray, k: int) -> np.ndarray:

@@ -127,7 +127,5 @@ def _speed_weights(c: float, operator: Any, h: float) -> tuple[Any, ...] | None:
 
 def _remembers(system: System, derivative: int) -> bool:
     """Return whether a term has a general kernel that acts on this derivative of y (0 or 1)."""
-    return any(
-        operator.kernel is not None and operator.derivative == derivative and np.any(c)
-        for operator, c in system.left
-    )
+    general = (op for op, c in system.left if op.kernel is not None and np.any(c))
+    return any(op.derivative == derivative for op in general)
