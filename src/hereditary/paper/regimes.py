@@ -184,16 +184,9 @@ def classify(
         check_unbroken(run)
     if any(run.status in _CUT_SHORT or not np.isfinite(run.y[:, 0]).all() for run in runs):
         return RegimeVerdict(
-            Regime.UNDETERMINED,
-            0.0,
-            0.0,
-            cycle=0,
-            n_wells=0,
-            n_stays=0,
-            irregular=math.nan,
-            recurrence=math.nan,
-            longest_stay=0.0,
-        )
+            Regime.UNDETERMINED, 0.0, 0.0, cycle=0, n_wells=0, n_stays=0, irregular=math.nan,
+            recurrence=math.nan, longest_stay=0.0,
+        )  # fmt: skip
     orbits = [_Orbit(run, period, spacing, begin) for run in runs]
     votes = [kind for orbit in orbits for window in _WINDOWS for kind in orbit.kinds(window)]
     kinds = [Regime.STUCK, Regime.SLIDING, Regime.PERIODIC]
@@ -206,7 +199,9 @@ def classify(
         against, known = _share_irregular(orbits)
         # with few stays a late slope is that of the well in which the load rests
         growth = 0.5 + known * (_chance_of_growth(exponent) - 0.5)
-        irregular = _odds(against, growth)
+        # the odds of two independent estimates are multiplied
+        both = against * growth
+        irregular = both / (both + (1 - against) * (1 - growth))
         regime = Regime.IRREGULAR if irregular > 0.5 else Regime.PERIODIC
         certainty *= max(irregular, 1 - irregular)
     stays = orbits[0].stays()
@@ -229,13 +224,8 @@ class _Orbit:
 
     def __init__(self, solution: Solution, period: float, spacing: float, begin: float) -> None:
         self._period, self._pulled = period, math.isfinite(period)
-        n = int(
-            np.clip(
-                _POINTS_PER_PERIOD * (solution.t[-1] - begin) / period,
-                _MIN_ORBIT_POINTS,
-                _MAX_ORBIT_POINTS,
-            )
-        )
+        points = _POINTS_PER_PERIOD * (solution.t[-1] - begin) / period
+        n = int(np.clip(points, _MIN_ORBIT_POINTS, _MAX_ORBIT_POINTS))
         self._t = np.linspace(begin, solution.t[-1], n + 1)
         x = values_at(solution, self._t)[:, 0]
         self._well = np.floor(x / spacing)
@@ -340,9 +330,3 @@ def _chance_of_growth(exponent: LyapunovResult | None) -> float:
         known = np.isfinite(slope) and np.isfinite(error) and error > 0
         chances.append(float(ndtr(slope / error)) if known else 0.5)
     return float(np.clip(np.mean(chances), 1 - _SUREST, _SUREST))
-
-
-def _odds(one: float, other: float) -> float:
-    """Return the probability from two independent estimates, whose odds are multiplied."""
-    both, neither = one * other, (1 - one) * (1 - other)
-    return both / (both + neither)

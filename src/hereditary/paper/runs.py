@@ -71,14 +71,11 @@ def exponents(*, horizons: Sequence[float], h: float, **parameters: Any) -> dict
         equation, horizons[-1], steps[-1], scheme=ExplicitCaputo(), renorm=renorm, **ALONE
     )
     slopes: dict[str, Any] = {"exponent": [], "slope": [], "slope_stderr": [], "verdict": []}
+    remembered = memory(equation.system)
     for n in steps:
         reached = run.times <= h * (n + 0.5)
         late = assess(
-            run.times[reached],
-            run.log_growth[reached],
-            _WINDOW,
-            _BLOCKS_PER_WINDOW,
-            memory(equation.system),
+            run.times[reached], run.log_growth[reached], _WINDOW, _BLOCKS_PER_WINDOW, remembered
         )
         rates = run.trace[reached, 0]
         slopes["exponent"].append(float(rates[-1]) if rates.size else math.nan)

@@ -191,14 +191,8 @@ def fit(
             for c in chosen(components, one.data.shape[1]):
                 names = [f"series {k}"] * several + [f"value {c}"] * (one.data.shape[1] > 1)
                 spread = None if one.sigma is None else one.sigma[:, c]
-                (points, *_) = ax.errorbar(
-                    one.t,
-                    one.data[:, c],
-                    spread,
-                    fmt=".",
-                    alpha=0.7,
-                    label=", ".join(names) or "data",
-                )
+                label, data = ", ".join(names) or "data", one.data[:, c]
+                (points, *_) = ax.errorbar(one.t, data, spread, fmt=".", alpha=0.7, label=label)
                 ax.plot(t, model[:, c], **style({"ls": "-", "color": points.get_color()}, line))
         title = ", ".join(
             f"{name} {value:.4g}({result.standard_errors[name]:.1g})"
@@ -252,10 +246,8 @@ def frequency_response(
         if labels or len(which) > 1:
             ax.legend()
         by_frequency = np.array_equal(response.values, response.omega)
-        ax.set(
-            xlabel=r"$\omega$" if by_frequency else "parameter",
-            ylabel="phase" if phase else "amplitude",
-        )
+        ax.set_xlabel(r"$\omega$" if by_frequency else "parameter")
+        ax.set_ylabel("phase" if phase else "amplitude")
     return ax
 
 

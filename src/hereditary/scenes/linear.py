@@ -51,13 +51,8 @@ def relaxation(alpha: float = 0.5, rate: float = 1.0, y0: float = 1.0) -> Equati
     1
     """
     within("alpha", alpha, 5e-324, 1.0, "(0, 1]", "see oscillator for higher orders")
-    return Equation(
-        Caputo(alpha),
-        _proportional,
-        real("y0", y0),
-        params=(-real("rate", rate),),
-        jac=_proportional_jacobian,
-    )
+    y0, params = real("y0", y0), (-real("rate", rate),)
+    return Equation(Caputo(alpha), _proportional, y0, params, _proportional_jacobian)
 
 
 def oscillator_terms(
@@ -106,10 +101,5 @@ def oscillator(
     2
     """
     stiffness = real("omega", omega) ** 2
-    return Equation(
-        oscillator_terms(beta, gamma, friction),
-        _proportional,
-        [[real("x0", x0)], [real("v0", v0)]],
-        params=(-stiffness,),
-        jac=_proportional_jacobian,
-    )
+    terms, y0 = oscillator_terms(beta, gamma, friction), [[real("x0", x0)], [real("v0", v0)]]
+    return Equation(terms, _proportional, y0, (-stiffness,), _proportional_jacobian)

@@ -91,13 +91,8 @@ def duffing(
         real("frequency", frequency),
     )
     kind = RiemannLiouville if truth("riemann_liouville", riemann_liouville) else Caputo
-    return Equation(
-        oscillator_terms(beta, gamma, friction, kind),
-        _cubic_spring,
-        [[real("x0", x0)], [real("v0", v0)]],
-        params=params,
-        jac=_cubic_spring_jacobian,
-    )
+    terms, y0 = oscillator_terms(beta, gamma, friction, kind), [[real("x0", x0)], [real("v0", v0)]]
+    return Equation(terms, _cubic_spring, y0, params, _cubic_spring_jacobian)
 
 
 @compiled

@@ -69,10 +69,6 @@ def mathieu(
     >>> [bool(abs(sol.y[-1, 0]) > 10) for sol in orbits]
     [True, False]
     """
-    return Equation(
-        oscillator_terms(beta, gamma, friction),
-        _shaken,
-        [[real("x0", x0)], [real("v0", v0)]],
-        params=(real("stiffness", stiffness), real("depth", depth), real("frequency", frequency)),
-        jac=_shaken_jacobian,
-    )
+    terms, y0 = oscillator_terms(beta, gamma, friction), [[real("x0", x0)], [real("v0", v0)]]
+    params = real("stiffness", stiffness), real("depth", depth), real("frequency", frequency)
+    return Equation(terms, _shaken, y0, params, _shaken_jacobian)

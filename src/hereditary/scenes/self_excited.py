@@ -51,14 +51,9 @@ def _oscillator(
     """Return ``D^beta x`` and memory ``D^gamma x``, with the parameters of `_excited`."""
     inertia, friction = oscillator_terms(beta, gamma, 1.0)
     return Equation(
-        inertia,
-        _excited,
-        [[real("x0", x0)], [real("v0", v0)]],
-        params=params,
-        jac=_excited_jacobian,
-        memory=friction,
-        jac_memory=_excited_memory_jacobian,
-    )
+        inertia, _excited, [[real("x0", x0)], [real("v0", v0)]], params, _excited_jacobian,
+        memory=friction, jac_memory=_excited_memory_jacobian,
+    )  # fmt: skip
 
 
 def van_der_pol_duffing(

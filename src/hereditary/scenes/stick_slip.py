@@ -137,9 +137,7 @@ def stick_slip(
         terms[0] = Term(Memory(inertia, 2), 1.0)
     if resistance is not None:
         terms[1] = real("friction", friction) * Memory(resistance, 1)
-    return Equation(
-        terms, _force, [[real("x0", x0)], [real("v0", v0)]], params=params, jac=_force_jacobian
-    )
+    return Equation(terms, _force, [[real("x0", x0)], [real("v0", v0)]], params, _force_jacobian)
 
 
 def checked_well(well: ArrayLike | None) -> np.ndarray:
