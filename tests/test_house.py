@@ -36,19 +36,19 @@ def test_files_and_functions_are_small():
 # needs lines takes them from the same room.
 BUDGETS = {
     "collocation": 5298,
-    "given": 3674,
+    "given": 3625,
     "solver": 2429,
-    "analysis": 2388,
+    "analysis": 2365,
     "compiled": 1921,
-    "top": 1742,
+    "top": 1726,
     "equation": 1676,
-    "kernels": 1508,
+    "kernels": 1492,
     "functions": 958,
-    "paper": 705,
-    "scenes": 665,
-    "stepping": 472,
-    "support": 374,
-    "plots": 354,
+    "paper": 688,
+    "scenes": 639,
+    "stepping": 464,
+    "support": 367,
+    "plots": 346,
 }
 # What stands in a line without making it a line of code.
 EMPTY = {

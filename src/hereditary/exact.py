@@ -316,11 +316,9 @@ class _Transform:
     """``Y(s) = sum_k P_k(log s) rows[k] / (s F(log s))``, rows of shape (n, d)."""
 
     def __init__(
-        self,
-        below: _Exponentials,
-        above: Sequence[tuple[_Exponentials, _Exponentials]],
+        self, below: _Exponentials, above: Sequence[tuple[_Exponentials, _Exponentials]],
         rows: np.ndarray,
-    ) -> None:
+    ) -> None:  # fmt: skip
         self.below, self.above, self.rows = below, [p for p, _ in above], rows
         u = _zeros(below)
         scale = below.log_size(u.real)

@@ -57,16 +57,9 @@ class MemoryTerm:
     """
 
     def __init__(
-        self,
-        settings: dict[str, Any],
-        system: System,
-        plan: Plan,
-        memory: Any,
-        h: float,
-        u0: np.ndarray,
-        v0: np.ndarray,
-        term0: np.ndarray,
-    ) -> None:
+        self, settings: dict[str, Any], system: System, plan: Plan, memory: Any, h: float,
+        u0: np.ndarray, v0: np.ndarray, term0: np.ndarray,
+    ) -> None:  # fmt: skip
         self._settings, self._system, self._plan = settings, system, plan
         self._memory, self._h = memory, h
         self._shape, width = u0.shape, u0.size
@@ -155,15 +148,9 @@ class MemoryTerm:
         """
         start = np.array([self._shift, self._term0])
         return MemoryTermState(
-            self._made(self.n),
-            self.n,
-            self._opened,
-            self._u.copy(),
-            start,
-            self._lag.copy(),
-            self._pieces.copy(),
-            self._memory.state(),
-        )
+            self._made(self.n), self.n, self._opened, self._u.copy(), start, self._lag.copy(),
+            self._pieces.copy(), self._memory.state(),
+        )  # fmt: skip
 
     def _made(self, n: int) -> dict[str, Any]:
         """Return the properties that a term shares with that of a restored state at step n."""

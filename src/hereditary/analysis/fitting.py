@@ -215,12 +215,9 @@ def fit(
 
     try:
         optimum = least_squares(
-            lambda x: runs.residuals(unscaled(x)),
-            (start + shift) / scale,
-            jac=derivatives,
-            bounds=limits,
-            loss=loss,
-        )
+            lambda x: runs.residuals(unscaled(x)), (start + shift) / scale, jac=derivatives,
+            bounds=limits, loss=loss,
+        )  # fmt: skip
     finally:
         runs.bar.close()
     best, at_bound = unscaled(optimum.x), optimum.active_mask != 0

@@ -194,10 +194,8 @@ def frequency_response(
         wanted[np.unique(np.linspace(0, wanted.size - 1, _MAX_PERIOD_CHECKS).astype(int))]
     )
     if balance.hold_means(float(wanted[0])):
-        warn(
-            "a mean of y is free, because neither terms nor rhs depend on it: 0 is taken",
-            UserWarning,
-        )
+        free = "a mean of y is free, because neither terms nor rhs depend on it: 0 is taken"
+        warn(free, UserWarning)
     curve = Curve(balance, wanted, followed == frequency)
     failure = curve.follow()
     places = np.array([place for place, _ in curve.points]).reshape(-1, balance.size + 1)

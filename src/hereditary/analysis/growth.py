@@ -185,10 +185,6 @@ class LyapunovResult:
         return table_html(head, rows) + paragraph(f"{self.mode}: {self.message}")
 
     def __repr__(self) -> str:
-        rates = ", ".join(
-            f"{rate:.5g} (late {slope:.3g} +- {error:.1g}, {verdict})"
-            for rate, slope, error, verdict in zip(
-                self.exponents, self.slope, self.slope_stderr, self.verdicts, strict=True
-            )
-        )
+        columns = zip(self.exponents, self.slope, self.slope_stderr, self.verdicts, strict=True)
+        rates = ", ".join(f"{r:.5g} (late {s:.3g} +- {e:.1g}, {v})" for r, s, e, v in columns)
         return f"LyapunovResult({rates}; mode {self.mode!r}, {self.message})"

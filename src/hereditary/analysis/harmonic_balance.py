@@ -18,8 +18,6 @@ from ..support.checks import refuse, shown
 _SAMPLES_PER_HARMONIC = 8
 # Fewest samples of a period, whatever the number of harmonics.
 _MIN_SAMPLES_PER_PERIOD = 129
-# Relative change of a frequency in differences.
-_FREQUENCY_CHANGE = 1e-7
 # A derivative by the mean counts as 0 below this fraction of the largest derivative: differences
 # have errors of 1e-10.
 _FREE = 1e-7
@@ -162,10 +160,3 @@ class Balance:
         matrix *= scale / scale[..., None, None]
         matrix[:, 0, :, 0] += self._fixed_means
         return residuals.ravel(), matrix.reshape(self.size, self.size)
-
-    def by_value(
-        self, x: np.ndarray, value: float, unit: float, residual: np.ndarray
-    ) -> np.ndarray:
-        """Return the derivative of a known residual by the parameter along the curve, (size,)."""
-        step = _FREQUENCY_CHANGE * max(abs(value), unit)
-        return (self.residual(x, value + step, False)[0] - residual) / step

@@ -127,12 +127,8 @@ def _sampled(
     if not series.coarse and gaps[:-1].size and np.ptp(gaps[:-1]) > 0.01 * gaps.max():
         required = "have dense output, or rows at equal times"
         refuse("series", required, f"gaps {gaps.min():g} to {gaps.max():g}")
-    n = int(
-        min(
-            _MAX_SPECTRUM_SAMPLES,
-            2 ** np.ceil(np.log2(4 * inside.sum() if series.coarse else inside.sum())),
-        )
-    )
+    rows = 4 * inside.sum() if series.coarse else inside.sum()
+    n = int(min(_MAX_SPECTRUM_SAMPLES, 2 ** np.ceil(np.log2(rows))))
     times = np.linspace(begin, series.t[-1], n)
     return values_at(series, times)[:, component], (series.t[-1] - begin) / (n - 1)
 
@@ -140,11 +136,8 @@ def _sampled(
 def _long(values: np.ndarray) -> np.ndarray:
     """Return values, refusing too few of them."""
     if values.size < _MIN_SPECTRUM_SAMPLES:
-        refuse(
-            "series",
-            f"leave {_MIN_SPECTRUM_SAMPLES} values at least behind the transient",
-            values.size,
-        )
+        required = f"leave {_MIN_SPECTRUM_SAMPLES} values at least behind the transient"
+        refuse("series", required, values.size)
     return values
 
 

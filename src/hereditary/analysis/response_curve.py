@@ -12,6 +12,8 @@ from .harmonic_balance import Balance
 
 # Most Newton iterations at the first value of the parameter.
 _FIRST_POINT_MAXITER = 30
+# Relative change of a frequency in differences.
+_FREQUENCY_CHANGE = 1e-7
 # Relative change of the response that ends Newton's method.
 _RESPONSE_RTOL = 1e-12
 # Relative change that also ends Newton's method if the last iteration did not reduce it to a
@@ -118,8 +120,9 @@ class Curve:
         # the right-hand side is the residual and then `right`, or, without `right`, 0 and then 1
         residual, matrix = self._balance.residual(place[:-1], place[-1])
         unit = 0.0 if self._positive else self._range
-        beside = self._balance.by_value(place[:-1], place[-1], unit, residual)
-        matrix = np.vstack([np.column_stack([matrix, beside]), row])
+        step = _FREQUENCY_CHANGE * max(abs(place[-1]), unit)
+        moved, _ = self._balance.residual(place[:-1], place[-1] + step, False)
+        matrix = np.vstack([np.column_stack([matrix, (moved - residual) / step]), row])
         column = self._value if right is None else np.append(residual, right)
         if np.isfinite(residual).all() and np.isfinite(matrix).all():
             with suppress(np.linalg.LinAlgError):

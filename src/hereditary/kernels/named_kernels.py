@@ -551,10 +551,8 @@ class MittagLeffler(MemoryKernel):
         above = np.sin(np.pi * np.minimum(a * rest, 1 - a + a * f))
         v = np.log(below / above) / a
         shares = step * math.pi * sine * (f / below) * (f * rest / above)
-        parts = [
-            weight(np.exp(np.minimum(np.add.outer(part, v), _GONE))) @ shares
-            for part in np.array_split(logs, 1 + logs.size * w.size // 2_000_000)
-        ]
+        batches = np.array_split(logs, 1 + logs.size * w.size // 2_000_000)
+        parts = [weight(np.exp(np.minimum(np.add.outer(z, v), _GONE))) @ shares for z in batches]
         return np.where(x > 0, np.concatenate(parts).reshape(x.shape), 1.0)
 
 

@@ -49,14 +49,9 @@ def go_on_from(state: State | None, stepper: Any, allow_change: bool) -> None:
 def state_of(stepper: Any, scheme: Scheme, how: Any, history: Any = None) -> State:
     """Return the `State` of a stepper that has a method `identity`."""
     state = State(
-        t=stepper.t,
-        y=stepper.y,
-        scheme=scheme,
-        how=how,
-        history=history,
-        identity=stepper.identity(stepper.t),
-        checkpoint=stepper.checkpoint(),
-    )
+        t=stepper.t, y=stepper.y, scheme=scheme, how=how, history=history,
+        identity=stepper.identity(stepper.t), checkpoint=stepper.checkpoint(),
+    )  # fmt: skip
     for array in (state.y, *_arrays(state.checkpoint)):
         array.flags.writeable = False
     return replace(state, version=_version(), layout=layout_of(state))
@@ -114,13 +109,11 @@ def identity(system: System, t: float, **properties: Any) -> dict[str, Any]:
 def described_terms(system: System, t: float) -> dict[str, list]:
     """Return orders, kernels and coefficients of terms in a form that can be compared."""
     # a function is represented by several of its values up to time t
-    left = system.left
+    left, times = system.left, _SAMPLED_FRACTIONS * t
     return {
-        "orders": [op.described(_SAMPLED_FRACTIONS * t) for op, _ in left if op.kernel is None],
+        "orders": [op.described(times) for op, _ in left if op.kernel is None],
         "coefficients": [coefficients.tolist() for _, coefficients in left],
-        "kernels": [
-            op.described(_SAMPLED_FRACTIONS * t) for op, _ in left if op.kernel is not None
-        ],
+        "kernels": [op.described(times) for op, _ in left if op.kernel is not None],
     }
 
 

@@ -22,12 +22,9 @@ class IdentifiabilityWarning(UserWarning):
 
 
 def covariance_of(
-    optimum: Any,
-    scale: np.ndarray,
-    at_bound: np.ndarray,
-    estimated: bool,
+    optimum: Any, scale: np.ndarray, at_bound: np.ndarray, estimated: bool,
     names: list[str] | Literal[False],
-) -> tuple[np.ndarray, np.ndarray]:
+) -> tuple[np.ndarray, np.ndarray]:  # fmt: skip
     """Return the covariance of parameters, and the singular values for changes by their scale."""
     # Entries are NaN for a parameter at a bound, and for one in a combination that does not change
     # residuals. The function warns of such combinations if `names` are given.
@@ -117,12 +114,8 @@ class Estimates:
         low, high = np.nextafter([0.0, 1.0], 0.5).tolist()
         within("confidence", confidence, low, high, "(0, 1)")
         width = float(stdtrit(self.freedom, 0.5 + 0.5 * confidence))
-        return {
-            name: (value - width * error, value + width * error)
-            for (name, value), error in zip(
-                self.parameters.items(), self.standard_errors.values(), strict=True
-            )
-        }
+        estimates = zip(self.parameters.items(), self.standard_errors.values(), strict=True)
+        return {name: (p - width * error, p + width * error) for (name, p), error in estimates}
 
 
 def estimates_of(
