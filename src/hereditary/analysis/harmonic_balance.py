@@ -27,10 +27,7 @@ _FREE = 1e-7
 def _over_a_period(
     right: Any, omega: float, y: np.ndarray, units: np.ndarray, f: np.ndarray, j_f: np.ndarray
 ) -> None:
-    """Set f (N, d) at equal times of a period and y (N, d), and its Jacobian, flat (N, d d).
-
-    If `j_f` has no rows, no Jacobian is set.
-    """
+    """Set f (N, d) and, if it has rows, its Jacobian j_f (N, d d) at equal times and y (N, d)."""
     n, d = y.shape
     out = np.empty((d, d))
     for i in range(n):

@@ -111,13 +111,13 @@ class CodeCache:
     """Machine code of one function of the package on disk, shipped or in the user's cache."""
 
     def __init__(self, fun, options, announced=None):
-        # It is valid for one set of options and one digest of the files with compiled functions in
-        # `compiled` and the function's own subpackage, as no others enter. Numba's own cache misses
-        # changes of helpers, of bounds checking or of fused arithmetic. Functions of other
-        # packages, and all but the first of one name, are not stored. A cache that cannot be
-        # written gives one warning; code that cannot be read, or is for another processor, numba or
-        # Python, gives none. options: text of those of numba.jit; announced: what is compiled, for
-        # a message on standard error if that takes seconds.
+        # It is valid for one set of options and one digest of sources. Sources are the files with
+        # compiled functions in `compiled` and the function's own subpackage, as no others enter.
+        # Numba's own cache misses changes of helpers, of bounds checking or of fused arithmetic.
+        # Functions of other packages, and all but the first of one name, are not stored. A cache
+        # that cannot be written gives one warning; code that cannot be read, or is for another
+        # processor, numba or Python, gives none. options: text of those of numba.jit; announced:
+        # what is compiled, for a message on standard error if that takes seconds.
         self._fun, self._options, self._announced = fun, options, announced
         name, package = f"{fun.__module__}.{fun.__qualname__}", __name__.split(".")[0] + "."
         self._stored = STORED and name.startswith(package) and name not in _NAMES

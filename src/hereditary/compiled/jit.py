@@ -143,10 +143,7 @@ def plug_in(fun):
 
 
 def _guarded(dispatcher, finish=None):
-    """Return `dispatcher`, changed to compile inside the context `compiling`.
-
-    After each compilation it calls `finish`, if given, with the compile result.
-    """
+    """Return `dispatcher`, which compiles inside `compiling`; `finish` gets each compile result."""
     compile_alone = dispatcher.compile
 
     def compile_guarded(sig):
@@ -191,10 +188,8 @@ def inner(fun=None, *, allocates=False, fuses=False, reorders=False):
 
 
 def _refuse_arrays(result):
-    """Raise TypeError if a function without reference counting returns an array.
-
-    Its callers would release an array that the function has not counted.
-    """
+    """Raise TypeError if a function without reference counting returns an array."""
+    # its callers would release an array that the function has not counted
     returned: list[Any] = [result.signature.return_type]
     for kind in returned:  # the loop appends to this list
         if isinstance(kind, types.BaseTuple):

@@ -63,11 +63,11 @@ def records(values, dtype):
     If numba compiles nothing, the fields are also attributes, as compiled code reads them. They are
     not otherwise, because np.record takes ten times as long to read a field by its name.
     """
-    found = np.array(values, dtype)
-    return found.view(np.recarray) if config.DISABLE_JIT else found
+    made = np.array(values, dtype)
+    return made.view(np.recarray) if config.DISABLE_JIT else made
 
 
-def plain(part):
+def plain(array):
     """Return a record or an array of records as rows of numbers; a plain array unchanged."""
-    named = part.dtype.names
-    return part if named is None else np.array(part.tolist(), dtype=float).reshape(-1, len(named))
+    named = array.dtype.names
+    return array if named is None else np.array(array.tolist(), dtype=float).reshape(-1, len(named))

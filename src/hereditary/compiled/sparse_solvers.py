@@ -116,9 +116,9 @@ class SparseFactors:
 
     def __init__(self, structure, kind):
         # structure: entries of the matrices, or of J; kind: float, or complex for 1 - lambda J.
-        # address: of a C function of twice the number of a matrix plus the task, the address of the
-        # entries of the matrix or J, and that of the right-hand side, which the solution replaces.
-        # To factorise a complex matrix this vector begins with lambda.
+        # address: of a C function. Its arguments are twice the number of a matrix plus the task,
+        # and addresses of the entries of the matrix or J, and of the right-hand side. The solution
+        # replaces the latter. To factorise a complex matrix this vector begins with lambda.
         sparse = importlib.import_module("scipy.sparse")  # a slow import
         linalg = importlib.import_module("scipy.sparse.linalg")
         n, size = structure.n, structure.rows.size
