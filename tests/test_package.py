@@ -61,6 +61,7 @@ PAGES += [
         "derivatives",
         "viscoelastic",
         "events",
+        "cannot_see",
         "sweeps",
         "fitting",
         "chaos",
