@@ -39,7 +39,7 @@ SOUND = [
 ]
 
 
-@pytest.mark.parametrize(("name", "scheme", "n", "exponent", "bound"), SOUND)
+@pytest.mark.parametrize(("name", "scheme", "n", "exponent", "bound"), SOUND, ids=str)
 def test_hard_problems_have_a_sound_scheme(name, scheme, n, exponent, bound):
     (problem,) = (each for each in HARD if each.name == name)
     how = {"n_steps": n} if exponent == 1 else {"mesh": hd.graded(n, exponent)}
