@@ -10,7 +10,7 @@ SumOfExponentials(1e-12) for given steps. Collocation chooses its own by rtol fr
 * P3, D^1.5 x + 0.5 D^0.5 x + x = 0: only the schemes for several terms and orders above 1 cover it.
   At t = 20 ExplicitCaputo and L1 fall at their orders 1 and 1.5 in every decade from N = 1,000 to
   1e5. L1 is then at 3e-11, which says nothing of a floor at 1e-12. At N = 1e6 its error is still
-  within 1e-12 of what order 1.5 predicts. (BDF(2) falls as h**2 to N = 1e5: tests/test_exact_laws.)
+  within 1e-12 of what order 1.5 predicts. (BDF(2) falls as h**2 to N = 1e5: tests/test_problems.)
 
 Errors of P1 to P3 are maxima over the mesh, of P4 to P6 at the end. They are taken against values
 computed with all of the past (convergence/collocation.py), with which published digits agree. P6 is

@@ -10,15 +10,20 @@ import hereditary
 SOURCE = Path(hereditary.__file__).parent
 
 
-def python(code, cache, path=SOURCE.parent):
-    """What `code` prints in a fresh process."""
-    environment = os.environ | {"NUMBA_CACHE_DIR": str(cache), "PYTHONPATH": str(path)}
+def fresh(code, cache, path=SOURCE.parent, warn="error::UserWarning", **environment):
+    """Return what `code` prints in a fresh process, and what that says on standard error."""
+    places = {"NUMBA_CACHE_DIR": str(cache), "PYTHONPATH": str(path)}
     done = subprocess.run(
-        [sys.executable, "-W", "error::UserWarning", "-c", code],
-        env=environment,
+        [sys.executable, "-W", warn, "-c", code],
+        env=os.environ | places | environment,
         capture_output=True,
         text=True,
         check=False,
     )
     assert done.returncode == 0, done.stderr
-    return done.stdout.strip()
+    return done.stdout.strip(), done.stderr
+
+
+def python(code, cache, path=SOURCE.parent):
+    """Return what `code` prints in a fresh process."""
+    return fresh(code, cache, path)[0]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 
 import mpmath
 import numpy as np
@@ -82,28 +83,13 @@ def _half_order_equation():
 
 def _smooth(beta, gamma):
     """D^beta x + 0.5 D^gamma x + x = rhs with x = 1 + 2 t + t**3."""
-    c_beta, c_gamma = rgamma(4 - beta) * 6, rgamma(4 - gamma) * 6
-    c_linear = 2 * rgamma(2 - gamma)
+    params = (6 * rgamma(4 - beta), 6 * rgamma(4 - gamma), 2 * rgamma(2 - gamma), beta, gamma)
 
     def rhs(t, x, p):
         forcing = p[0] * t ** (3 - p[3]) + 0.5 * (p[1] * t ** (3 - p[4]) + p[2] * t ** (1 - p[4]))
         return forcing + (1 + 2 * t + t**3) - x
 
-    return hd.Equation(
-        [hd.Caputo(beta), 0.5 * hd.Caputo(gamma)],
-        rhs,
-        y0=[1.0, 2.0],
-        params=(c_beta, c_gamma, c_linear, beta, gamma),
-    )
-
-
-def _smooth_first(alpha):
-    """D^alpha y + y = rhs with y = 1 + t**3."""
-
-    def rhs(t, y, p):
-        return p[0] * t ** (3 - p[1]) + 1 + t**3 - y
-
-    return hd.Equation(hd.Caputo(alpha), rhs, y0=1.0, params=(6 * rgamma(4 - alpha), alpha))
+    return hd.Equation(hd.Caputo(beta) + 0.5 * hd.Caputo(gamma), rhs, [1.0, 2.0], params)
 
 
 def _incommensurate():
@@ -114,12 +100,29 @@ def _incommensurate():
         dy[0] = p[0] * t**0.7 + second - y[1] + 0.5 * (first - y[0])
         dy[1] = p[1] * t**1.4 + 2 * (first - y[0])
 
-    return hd.Equation(
-        hd.Caputo([1.3, 0.6]),
-        rhs,
-        y0=[[0.0, 1.0], [1.0, 0.0]],
-        params=(2 * rgamma(1.7), 2 * rgamma(2.4)),
-    )
+    params = (2 * rgamma(1.7), 2 * rgamma(2.4))
+    return hd.Equation(hd.Caputo([1.3, 0.6]), rhs, [[0.0, 1.0], [1.0, 0.0]], params)
+
+
+def smooth_problem(alpha):
+    """D^alpha y + y = rhs with y = 1 + t**3 (and y'(0) = 0 for orders above 1)."""
+    params, y0 = (6 * rgamma(4 - alpha), alpha), 1.0 if alpha <= 1 else [1.0, 0.0]
+
+    def rhs(t, y, p):
+        return p[0] * t ** (3 - p[1]) + 1 + t**3 - y
+
+    equation = partial(hd.Equation, hd.Caputo(alpha), rhs, y0, params=params)
+    return Problem(f"smooth {alpha}", equation, lambda t: column(1 + t**3), 1.0)
+
+
+def singular_problem(alpha, rate=1.0, t_end=2.0, name=None):
+    """D^alpha y + y = 0, y(0) = 1 (and y'(0) = 0.5 for orders above 1), by Mittag-Leffler."""
+    if alpha <= 1:
+        equation, exact = hd.scenes.relaxation(alpha, rate, 1.0), relaxation(alpha, rate, 1.0)
+    else:
+        equation = hd.Equation(hd.Caputo(alpha), lambda t, y: -y, [1.0, 0.5])
+        exact = relaxation(alpha, rate, (1.0, 0.5))
+    return Problem(name or f"singular {alpha}", lambda: equation, exact, t_end)
 
 
 PROBLEMS = [
@@ -129,36 +132,18 @@ PROBLEMS = [
         half_order_relaxation,
         5.0,
     ),
-    Problem(
-        "oscillator 1.5 0.5",
-        _half_order_equation,
-        half_order_oscillator,
-        20.0,
-    ),
+    Problem("oscillator 1.5 0.5", _half_order_equation, half_order_oscillator, 20.0),
     *(
         Problem(
             f"smooth {beta} {gamma}",
-            lambda beta=beta, gamma=gamma: _smooth(beta, gamma),
+            partial(_smooth, beta, gamma),
             lambda t: column(1 + 2 * t + t**3),
             1.0,
         )
         for beta, gamma in ((1.2, 0.3), (1.5, 0.5), (1.8, 0.8), (1.95, 0.05), (2.0, 1.0))
     ),
-    *(
-        Problem(
-            f"smooth {alpha}",
-            lambda alpha=alpha: _smooth_first(alpha),
-            lambda t: column(1 + t**3),
-            1.0,
-        )
-        for alpha in (0.1, 0.3, 0.5, 0.8, 0.95, 1.0)
-    ),
-    Problem(
-        "incommensurate 1.3 0.6",
-        _incommensurate,
-        lambda t: np.column_stack([t + t**2, 1 + t**2]),
-        1.0,
-    ),
+    *(smooth_problem(alpha) for alpha in (0.1, 0.3, 0.5, 0.8, 0.95, 1.0)),
+    Problem("incommensurate 1.3 0.6", _incommensurate, lambda t: np.c_[t + t**2, 1 + t**2], 1.0),
     Problem(
         "classical oscillator",
         lambda: hd.scenes.oscillator(beta=2.0, gamma=1.0, friction=0.2, x0=1.0, v0=0.5),
@@ -167,29 +152,6 @@ PROBLEMS = [
     ),
 ]
 W = np.sqrt(1 - 0.01)
-
-
-def _decay(t, y):
-    return -y
-
-
-def _near(beta):
-    equation = hd.Equation(hd.Caputo(beta), _decay, [1.0, 0.5])
-    return Problem(
-        f"oscillation {beta}",
-        lambda: equation,
-        relaxation(beta, 1.0, (1.0, 0.5)),
-        5.0,
-    )
-
-
-def _relaxing(name, alpha, rate, t_end):
-    return Problem(
-        name,
-        lambda: hd.scenes.relaxation(alpha, rate, 1.0),
-        relaxation(alpha, rate, 1.0),
-        t_end,
-    )
 
 
 def _powers_rhs(t, y, p):
@@ -214,52 +176,22 @@ def _two_orders():
 
 # Each needs a scheme chosen for what makes it hard; tests/test_problems.py says which.
 HARD = [
-    _relaxing("stiff 0.8", 0.8, 1e6, 10.0),
-    _relaxing("stiff 0.3", 0.3, 1e4, 10.0),
-    _relaxing("small order 0.02", 0.02, 1.0, 1.0),
-    _relaxing("small order 0.05", 0.05, 1.0, 1.0),
-    _relaxing("long time 0.5", 0.5, 1.0, 1e4),
-    _relaxing("order 0.999", 0.999, 1.0, 5.0),
-    _near(1.001),
-    _near(1.999),
-    Problem(
-        "powers 0.5",
-        _powers,
-        lambda t: column(t**8 - 3 * t**4.25 + 2.25 * t**0.5),
-        1.0,
-    ),
+    singular_problem(0.8, 1e6, 10.0, "stiff 0.8"),
+    singular_problem(0.3, 1e4, 10.0, "stiff 0.3"),
+    singular_problem(0.02, 1.0, 1.0, "small order 0.02"),
+    singular_problem(0.05, 1.0, 1.0, "small order 0.05"),
+    singular_problem(0.5, 1.0, 1e4, "long time 0.5"),
+    singular_problem(0.999, 1.0, 5.0, "order 0.999"),
+    singular_problem(1.001, 1.0, 5.0, "oscillation 1.001"),
+    singular_problem(1.999, 1.0, 5.0, "oscillation 1.999"),
+    Problem("powers 0.5", _powers, lambda t: column(t**8 - 3 * t**4.25 + 2.25 * t**0.5), 1.0),
     Problem(
         "two orders",
         _two_orders,
-        lambda t: np.column_stack([relaxation(0.9, 1.0, 1.0)(t)[:, 0], 1 + t**1.3]),
+        lambda t: np.c_[relaxation(0.9, 1.0, 1.0)(t), 1 + t**1.3],
         3.0,
     ),
 ]
-
-
-def smooth_problem(alpha):
-    """D^alpha y + y = rhs with y = 1 + t**3 (and y'(0) = 0 for orders above 1)."""
-    factor = 6 * rgamma(4 - alpha)
-    y0 = 1.0 if alpha <= 1 else [1.0, 0.0]
-
-    def make():
-        return hd.Equation(hd.Caputo(alpha), _smooth_rhs, y0, params=(factor, alpha))
-
-    return Problem(f"smooth {alpha}", make, lambda t: column(1 + t**3), 1.0)
-
-
-def _smooth_rhs(t, y, p):
-    return p[0] * t ** (3 - p[1]) + 1 + t**3 - y
-
-
-def singular_problem(alpha):
-    """D^alpha y + y = 0, y(0) = 1 (and y'(0) = 0.5 for orders above 1), by Mittag-Leffler."""
-    if alpha <= 1:
-        equation, exact = hd.scenes.relaxation(alpha, 1.0, 1.0), relaxation(alpha, 1.0, 1.0)
-    else:
-        equation = hd.Equation(hd.Caputo(alpha), _decay, [1.0, 0.5])
-        exact = relaxation(alpha, 1.0, (1.0, 0.5))
-    return Problem(f"singular {alpha}", lambda: equation, exact, 2.0)
 
 
 def errors(problem, scheme, history, n):
@@ -273,6 +205,19 @@ def errors(problem, scheme, history, n):
 def observed_order(n_steps, errors):
     """Return the order that errors at these numbers of steps show, by least squares."""
     return -np.polyfit(np.log(n_steps), np.log(errors), 1)[0]
+
+
+def run(equation, scheme=None, length=2.0, n=200, rtol=1e-9, **given):
+    """Solve over a length of time, in n steps or, by collocation, within a tolerance."""
+    steps = {"rtol": rtol} if isinstance(scheme, hd.Collocation) else {"n_steps": n}
+    return hd.solve(equation, equation.t_start + length, scheme=scheme, **steps, **given)
+
+
+def assert_converges(end, exact, n_steps, order, bound, off=0.15):
+    """Hold errors of y, which `end` gives for these numbers of steps, to an order and a bound."""
+    errors = [np.abs(end(n) - exact).max() for n in n_steps]
+    assert errors[-1] < bound, errors
+    assert abs(observed_order(n_steps, errors) - order) < off, errors
 
 
 def errors_on_mesh(problem, scheme, history, mesh):

@@ -1,4 +1,7 @@
-"""What rows of refusals share: a row is a call, its exception, and the words of the message."""
+"""What rows of refusals share.
+
+A row is a call, the words of the message, and the exception if that is no ValueError.
+"""
 
 from functools import cache, partial
 
@@ -9,9 +12,9 @@ import hereditary as hd
 BAD = TypeError, ValueError
 
 
-def each(call, values, error, words):
+def each(call, values, words, error=ValueError):
     """Return a row for each value, on which `call` is refused in the same words."""
-    return [(partial(call, value), error, words) for value in values]
+    return [(partial(call, value), words, error) for value in values]
 
 
 def decay(t, y):

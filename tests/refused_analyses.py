@@ -28,14 +28,6 @@ def driven(t, x, p):
     return p[1] * np.cos(p[0] * t) - x - p[2] * x**3
 
 
-def two_forces(t, x, p):
-    return 0.1 * np.cos(p[0] * t) + np.cos(t) - x
-
-
-def rooted(t, x, p):
-    return np.sqrt(p[1]) * np.cos(p[0] * t) - x
-
-
 @cache
 def parabola():
     """Return x = 1 + 3 t - t**2 / 2."""
@@ -141,36 +133,34 @@ CLOSED = hd.StretchedExponential(0.5, 1.0)
 STEADY = "kernel must be integrable over all times"
 
 KERNELS = [
-    *each(PowerLaw, [0.0, -0.5, 2.5, math.nan, "a", 1j, True], BAD, "exponent must"),
-    (lambda: PowerLaw(1 - 1.7), ValueError, r"exponent must .* Caputo\(beta\) .* has beta - 1"),
-    (lambda: PowerLaw(1.0).integral(1.0),
-     ValueError, "exponent must be below 1 for a finite integral"),
-    (lambda: TemperedPowerLaw(1.0, 1.0), ValueError, r"exponent must lie in \(0, 1\), got 1.0"),
-    (lambda: TemperedPowerLaw(0.5, -1.0), ValueError, "rate must be .* at least 0, got -1.0"),
-    (lambda: MittagLeffler(1.2, 1.0), ValueError, r"order must lie in \[0.01, 1\], got 1.2"),
-    (lambda: MittagLeffler(0.5, math.nan), ValueError, "rate must be a finite number above 0"),
-    (lambda: StretchedExponential(0.5, 0.0), ValueError, "rate must be .* above 0, got 0.0"),
-    (lambda: StretchedExponential("b", 1.0), TypeError, "exponent must"),
-    (lambda: Prony([-1.0], [1.0]), ValueError, r"rates must not be negative.*signed=True"),
-    (lambda: Prony([1.0], [-1.0]), ValueError, "weights must be positive"),
-    (lambda: Prony([1 + 2j], [1.0]), ValueError, "rates and weights must be complex in conjugate"),
-    (lambda: Prony([1 + 2j, 1 - 2j], [1j, 1j]), ValueError, "must be complex in conjugate pairs"),
-    (lambda: Prony([], []), ValueError, r"rates must have shape \(n,\) as weights, n >= 1"),
-    (lambda: Prony([1.0, 2.0], [1.0]), ValueError, "rates must have shape"),
-    (lambda: DistributedOrder([1.0], [1.0]), ValueError, r"orders must lie in \[0, 1\)"),
-    (lambda: DistributedOrder.from_density(lambda a: a - 0.5), ValueError, "weights must be po"),
-    (lambda: Kernel(0.5), TypeError, "function must be callable, got 0.5; use Kernel.from_tab"),
-    (lambda: Kernel(lambda t: t**-1.5), ValueError, "integrable at 0 .* got a = 1.5"),
-    (lambda: Kernel(lambda t: t * math.nan), ValueError, "finite values at t > 0, got none"),
-    (lambda: Kernel(lambda t: t + 1j), TypeError, "function must give one real number"),
-    (lambda: Kernel(np.exp, singular_exponent=1.0), ValueError, "integrable at 0"),
-    (lambda: Kernel(lambda t: np.exp(-t), signed="abc"), TypeError, "signed must be"),
-    (lambda: Kernel.from_table([], []), ValueError, r"t must have shape \(n,\) as values"),
-    (lambda: Kernel.from_table([1, 3, 2, 4], [4, 3, 2, 1]), ValueError, "sort the table by t"),
-    (lambda: Kernel.from_table([1, 2, 3, 4], [2, 1, 0, 1]), ValueError, "got 0 at t = 3; end"),
-    (lambda: Kernel.from_table([1, 2, 3, 4], [2, 1, math.inf, 1]), ValueError, "values must"),
-    (lambda: Kernel.from_table([1, 2, 3, 4], [16, 4, 2, 1]), ValueError, "integrable at 0"),
-    *((lambda K=K: Kernel(K).fit(1e-3, 3.0, 1e-6), ValueError, words) for K, words in [
+    *each(PowerLaw, [2.5, 1 - 1.7], r"exponent must lie in \(0, 2\], .*Caputo\(beta\) .* beta - 1"),
+    (lambda: PowerLaw(1.0).integral(1.0), "exponent must be below 1 for a finite integral"),
+    (lambda: TemperedPowerLaw(1.0, 1.0), r"exponent must lie in \(0, 1\), got 1.0"),
+    (lambda: TemperedPowerLaw(0.5, -1.0), "rate must be .* at least 0, got -1.0"),
+    (lambda: MittagLeffler(1.2, 1.0), r"order must lie in \[0.01, 1\], got 1.2"),
+    (lambda: MittagLeffler(0.5, math.nan), "rate must be a finite number above 0"),
+    (lambda: StretchedExponential(0.5, 0.0), "rate must be .* above 0, got 0.0"),
+    (lambda: StretchedExponential("b", 1.0), "exponent must", TypeError),
+    (lambda: Prony([-1.0], [1.0]), r"rates must not be negative.*signed=True"),
+    (lambda: Prony([1.0], [-1.0]), "weights must be positive"),
+    (lambda: Prony([1 + 2j], [1.0]), "rates and weights must be complex in conjugate"),
+    (lambda: Prony([1 + 2j, 1 - 2j], [1j, 1j]), "must be complex in conjugate pairs"),
+    (lambda: Prony([], []), r"rates must have shape \(n,\) as weights, n >= 1"),
+    (lambda: Prony([1.0, 2.0], [1.0]), "rates must have shape"),
+    (lambda: DistributedOrder([1.0], [1.0]), r"orders must lie in \[0, 1\)"),
+    (lambda: DistributedOrder.from_density(lambda a: a - 0.5), "weights must be po"),
+    (lambda: Kernel(0.5), "function must be callable, got 0.5; use Kernel.from_tab", TypeError),
+    (lambda: Kernel(lambda t: t**-1.5), "integrable at 0 .* got a = 1.5"),
+    (lambda: Kernel(lambda t: t * math.nan), "finite values at t > 0, got none"),
+    (lambda: Kernel(lambda t: t + 1j), "function must give one real number", TypeError),
+    (lambda: Kernel(np.exp, singular_exponent=1.0), "integrable at 0"),
+    (lambda: Kernel(lambda t: np.exp(-t), signed="abc"), "signed must be", TypeError),
+    (lambda: Kernel.from_table([], []), r"t must have shape \(n,\) as values"),
+    (lambda: Kernel.from_table([1, 3, 2, 4], [4, 3, 2, 1]), "sort the table by t"),
+    (lambda: Kernel.from_table([1, 2, 3, 4], [2, 1, 0, 1]), "got 0 at t = 3; end"),
+    (lambda: Kernel.from_table([1, 2, 3, 4], [2, 1, math.inf, 1]), "values must"),
+    (lambda: Kernel.from_table([1, 2, 3, 4], [16, 4, 2, 1]), "integrable at 0"),
+    *((lambda K=K: Kernel(K).fit(1e-3, 3.0, 1e-6), words) for K, words in [
         (np.exp, "got rising at t = .*; pass signed=True"),
         (lambda t: -np.exp(-t), "got negative at t = 3e-08; pass signed=True"),
         (lambda t: np.exp(-t) * (1.01 + np.cos(9 * t)), "kernel must be completely monotone"),
@@ -179,53 +169,46 @@ KERNELS = [
         (lambda t: np.where(t > 1.0, np.inf, 1.0), "finite values at t > 0, got inf at t = 1"),
     ]),
     (lambda: Kernel(lambda t: np.sign(np.cos(40 * t)), signed=True).fit(1e-3, 10.0, 1e-8),
-     ValueError, "tol must be at least .* for this kernel, got 1e-08"),
-    (lambda: table().fit(0.1, 4.0, 1e-2),
-     ValueError, r"t_min and t_max must lie within the table, \[1, 4\]"),
-    (lambda: table()(5.0), ValueError, "t must not exceed the table's last time, 4, got 5"),
+     "tol must be at least .* for this kernel, got 1e-08"),
+    (lambda: table().fit(0.1, 4.0, 1e-2), r"t_min and t_max must lie within the table, \[1, 4\]"),
+    (lambda: table()(5.0), "t must not exceed the table's last time, 4, got 5"),
     (lambda: TemperedPowerLaw(0.5, 1.0).fit(1e3, 1e4, 1e-6),
-     ValueError, "t_min must come before the kernel is 0 in rounding"),
+     "t_min must come before the kernel is 0 in rounding"),
     *each(lambda make: make().fit(1.0, 0.5, 1e-6),
-          [lambda: PRONY, lambda: MittagLeffler(0.5, 1.0), table],
-          ValueError, "t_max must lie between"),
+          [lambda: PRONY, lambda: MittagLeffler(0.5, 1.0), table], "t_max must lie between"),
     *each(lambda make: make().fit(1.0, 2.0, 0.0),
-          [lambda: PRONY, lambda: MittagLeffler(0.5, 1.0), table], ValueError, "tol must lie in"),
-    (lambda: fade(tol=1e-14), ValueError, r"tol must lie in \[1e-13, 0.1\], got 1e-14"),
-    (lambda: fade(tol=0.5), ValueError, "tol"),
-    (lambda: fade(tol="small"), TypeError, "tol"),
-    *each(lambda t: fade(t_min=t), [0.0, math.nan], ValueError, "t_min"),
-    (lambda: fade(t_min=1e-200, t_max=1e200), ValueError, "t_max"),
+          [lambda: PRONY, lambda: MittagLeffler(0.5, 1.0), table], "tol must lie in"),
+    *each(lambda tol: fade(tol=tol), [1e-14, 0.5], r"tol must lie in \[1e-13, 0.1\], got"),
+    (lambda: fade(tol="small"), "tol", TypeError),
+    *each(lambda t: fade(t_min=t), [0.0, math.nan], "t_min"),
+    (lambda: fade(t_min=1e-200, t_max=1e200), "t_max"),
     (lambda: fade(kernel=PowerLaw(2.0), t_min=1e-300, t_max=1e-299),
-     ValueError, "t_min must leave the kernel a finite value"),
-    (lambda: fade(t_max=0.5),
-     ValueError, r"t_max must lie between t_min = 1.0 and 1e\+100 times that, got 0.5"),
-    (lambda: fade(t_max=math.inf), ValueError, "t_max"),
-    (lambda: fade(kernel=0.5), TypeError, "kernel must be a MemoryKernel, got 0.5"),
+     "t_min must leave the kernel a finite value"),
+    (lambda: fade(t_max=0.5), r"t_max must lie between t_min = 1.0 and 1e\+100 times that, got"),
+    (lambda: fade(t_max=math.inf), "t_max"),
+    (lambda: fade(kernel=0.5), "kernel must be a MemoryKernel, got 0.5", TypeError),
     # factors
-    *((lambda c=c: c * PowerLaw(0.5), ValueError, f"factor {FACTOR} {float(c)}")
+    *((lambda c=c: c * PowerLaw(0.5), f"factor {FACTOR} {float(c)}")
       for c in (0, 0.0, math.nan, math.inf, -math.inf)),
-    *((lambda c=c: PowerLaw(0.5) / c, ValueError, f"divisor {FACTOR} {float(c)}")
+    *((lambda c=c: PowerLaw(0.5) / c, f"divisor {FACTOR} {float(c)}")
       for c in (0, 0.0, math.nan, math.inf, -math.inf)),
     *(row for c in (True, "2", 1j, None, [1.0, 2.0], np.ones(2), PowerLaw(0.5)) for row in each(
         lambda compute, c=c: compute(PowerLaw(0.5), c),
-        [lambda k, c: k * c, lambda k, c: c * k, lambda k, c: k / c], TypeError, FACTOR)),
-    (lambda: 1e200 * (1e200 * PowerLaw(0.5)), ValueError, f"factor {FACTOR} inf"),
-    (lambda: 1e-200 * (1e-200 * PowerLaw(0.5)), ValueError, rf"factor {FACTOR} 0\.0"),
-    (lambda: PowerLaw(0.5) / 5e-324,
-     ValueError, r"divisor must be a finite number .* its inverse, got 5e-324"),
+        [lambda k, c: k * c, lambda k, c: c * k, lambda k, c: k / c], FACTOR, TypeError)),
+    (lambda: 1e200 * (1e200 * PowerLaw(0.5)), f"factor {FACTOR} inf"),
+    (lambda: 1e-200 * (1e-200 * PowerLaw(0.5)), rf"factor {FACTOR} 0\.0"),
+    (lambda: PowerLaw(0.5) / 5e-324, r"divisor must be a finite number .* its inverse, got 5e-324"),
     # memory terms
-    (lambda: remember("0.5"), TypeError, "kernel_or_order must be an order"),
-    (lambda: remember(True), TypeError, "an order alpha.*True"),
-    (lambda: remember(h=0.0), ValueError, "h must be a finite number above 0"),
-    (lambda: remember(2.5), ValueError, "order must be at most 2"),
+    *each(remember, ["0.5", True], "kernel_or_order must be an order alpha", TypeError),
+    (lambda: remember(h=0.0), "h must be a finite number above 0"),
+    (lambda: remember(2.5), "order must be at most 2"),
     *((lambda order=order, scheme=scheme: remember(order, scheme=scheme),
-       ValueError, "scheme must solve one equation a step") for order, scheme in [
+       "scheme must solve one equation a step") for order, scheme in [
         (0.5, hd.ExplicitCaputo()), (0.5, hd.BDF(3)), (0.5, hd.ProductTrapezoid()),
         (1.5, hd.L2Sigma()), (0.5, hd.Collocation())]),
-    (lambda: remember(v0=1.0), ValueError, "v0 must be left out"),
-    (lambda: remember(u0=[1.0, 2.0], term0=[1.0, 2.0, 3.0]),
-     ValueError, "term0 must have the shape"),
-    (lambda: remember(Kernel(np.exp)), BAD, "n_steps must be given"),
+    (lambda: remember(v0=1.0), "v0 must be left out"),
+    (lambda: remember(u0=[1.0, 2.0], term0=[1.0, 2.0, 3.0]), "term0 must have the shape"),
+    (lambda: remember(Kernel(np.exp)), "n_steps must be given", BAD),
 ]  # fmt: skip
 
 # components and parameters
@@ -241,29 +224,28 @@ DUFFING = hd.scenes.duffing, "friction stiffness cubic force frequency x0 v0"
 SCENES = [
     *(row for scene, (d, _) in COUPLED.items() for row in [
         *each(lambda a, scene=scene: scene(alpha=a), [0.0, -0.5, 1.5, 2, [1.0, 1.0, 1.2][-d:]],
-              ValueError, r"alpha must lie in \(0, 1\], got .*; orders above 1 need"),
+              r"alpha must lie in \(0, 1\], got .*; orders above 1 need"),
         *each(lambda a, scene=scene: scene(alpha=a),
               [[0.9] * (d - 1), [0.9] * (d + 1), [[0.9] * d], []],
-              ValueError,
               f"alpha must be one number or one for each of the {d} components, got shape"),
         *each(lambda y0, scene=scene: scene(y0=y0),
               [[1.0] * (d - 1), [1.0] * (d + 1), [[1.0] * d], 1.0, []],
-              ValueError, f"y0 must hold one number for each of the {d} components, got shape"),
+              f"y0 must hold one number for each of the {d} components, got shape"),
         *each(lambda a, scene=scene: scene(alpha=a), ["one", 1j, None, True, math.nan, math.inf],
-              BAD, "alpha must be real, finite numbers, got"),
+              "alpha must be real, finite numbers, got", BAD),
         *each(lambda v, scene=scene, d=d: scene(y0=[v] * d),
               ["one", 1j, None, True, math.nan, math.inf],
-              BAD, "y0 must be real, finite numbers, got"),
+              "y0 must be real, finite numbers, got", BAD),
     ]),
-    *((partial(scene, **{name: value}), error, f"^{name} must be a finite real number, got")
+    *((partial(scene, **{name: value}), f"^{name} must be a finite real number, got", error)
       for scene, names in [*((scene, names) for scene, (_, names) in COUPLED.items()), DUFFING]
       for name in names.split()
       for value, error in ((math.nan, ValueError), ("one", TypeError), ([1.0], TypeError))),
     *each(lambda well: hd.scenes.stick_slip(well=well), [[], [[1.0]], ["a"], [math.nan]],
-          BAD, "well must"),
-    *((partial(hd.scenes.stick_slip, **{name: math.nan}), ValueError, f"{name} must")
+          "well must", BAD),
+    *((partial(hd.scenes.stick_slip, **{name: math.nan}), f"{name} must")
       for name in ("friction", "omega", "spring_speed", "adhesion")),
-    *((partial(getattr(hd.scenes, scene), **given), ValueError, words) for scene, given, words in [
+    *((partial(getattr(hd.scenes, scene), **given), words) for scene, given, words in [
         ("oscillator", {"beta": 1.0}, r"beta must lie in \(1, 2\], got 1.0"),
         ("oscillator", {"gamma": 1.5}, r"gamma must lie in \(0, 1\], got 1.5"),
         ("relaxation", {"alpha": 1.5}, r"alpha must lie in \(0, 1\], got 1.5"),
@@ -285,33 +267,31 @@ SCENES = [
         ("subdiffusion", {"points": 4, "v0": np.zeros(4)}, "v0 must be left out"),
         ("subdiffusion", {"points": 4, "diffusivity": 0.0}, "diffusivity must be"),
     ]),
-    *((partial(hd.scenes.stick_slip_chain, 3, **given), ValueError, words) for given, words in [
+    *((partial(hd.scenes.stick_slip_chain, 3, **given), words) for given, words in [
         ({"x0": [0.1, 0.2]}, r"x0 must be a number or have shape \(3,\)"),
         ({"adhesion": [1.0, 2.0]}, r"adhesion must be a number or have shape \(3,\)"),
         ({"well": []}, "well must be a flat sequence"),
         ({"beta": 0.9}, "beta must lie in"),
     ]),
-    (lambda: hd.scenes.stick_slip(x0=[1, 2]), BAD, "x0 must"),
-    (lambda: hd.scenes.well_coefficients(0), ValueError, "n must be a positive integer"),
-    (lambda: hd.scenes.stick_slip(b=1.0), TypeError, "unexpected keyword"),
-    (lambda: hd.Caputo(alpha=0.5), TypeError, "unexpected keyword"),
-    (lambda: hd.nonsense, AttributeError, "no attribute 'nonsense'"),
+    (lambda: hd.scenes.stick_slip(x0=[1, 2]), "x0 must", BAD),
+    (lambda: hd.scenes.well_coefficients(0), "n must be a positive integer"),
+    (lambda: hd.scenes.stick_slip(b=1.0), "unexpected keyword", TypeError),
+    (lambda: hd.Caputo(alpha=0.5), "unexpected keyword", TypeError),
+    (lambda: hd.nonsense, "no attribute 'nonsense'", AttributeError),
 ]  # fmt: skip
 
 FORCING = "forcing must be pairs"
 EXACT = [
-    (lambda: exact.relaxation(0.0), ValueError, r"alpha must lie in \(0, 2\], got 0.0"),
-    (lambda: exact.relaxation(2.1, 1.0, [1.0, 0.0]),
-     ValueError, r"alpha must lie in \(0, 2\], got 2.1"),
-    (lambda: exact.relaxation([0.5]), BAD, "alpha must"),
-    (lambda: exact.relaxation(0.5, np.nan),
-     ValueError, "rate must be a finite real number, got nan"),
-    (lambda: exact.relaxation(1.5, 1.0, 1.0), ValueError, r"y0 must hold y\(0\) and y'\(0\)"),
-    (lambda: exact.oscillator(beta=1.0), ValueError, r"beta must lie in \(1, 2\], got 1.0"),
-    (lambda: exact.oscillator(gamma=1.1), ValueError, r"gamma must lie in \(0, 1\], got 1.1"),
-    (lambda: exact.oscillator(friction=np.inf), ValueError, "friction must"),
-    (lambda: exact.oscillator(x0=[1.0, 2.0]), BAD, "x0 must"),
-    *((partial(exact.several_terms, *given), BAD, words) for *given, words in [
+    (lambda: exact.relaxation(0.0), r"alpha must lie in \(0, 2\], got 0.0"),
+    (lambda: exact.relaxation(2.1, 1.0, [1.0, 0.0]), r"alpha must lie in \(0, 2\], got 2.1"),
+    (lambda: exact.relaxation([0.5]), "alpha must", BAD),
+    (lambda: exact.relaxation(0.5, np.nan), "rate must be a finite real number, got nan"),
+    (lambda: exact.relaxation(1.5, 1.0, 1.0), r"y0 must hold y\(0\) and y'\(0\)"),
+    (lambda: exact.oscillator(beta=1.0), r"beta must lie in \(1, 2\], got 1.0"),
+    (lambda: exact.oscillator(gamma=1.1), r"gamma must lie in \(0, 1\], got 1.1"),
+    (lambda: exact.oscillator(friction=np.inf), "friction must"),
+    (lambda: exact.oscillator(x0=[1.0, 2.0]), "x0 must", BAD),
+    *((partial(exact.several_terms, *given), words, BAD) for *given, words in [
         ([0.5, 2.5], [1, 1], 1.0, r"order must lie in \(0, 2\]"),
         ([], [], 1.0, "order must"),
         ([0.5, 0.2], [1.0], 1.0, "coefficients must have shape"),
@@ -322,118 +302,104 @@ EXACT = [
         ([2.0, 1.0], [1.0, -2.0], [1.0, 1.0], 1 - 1e-7,
          "coefficients must give .* 2 poles, of which 1"),
     ]),
-    (lambda: exact.several_terms(0.5, 1.0, 1.0, rate="a"), BAD, "rate must"),
-    *((partial(exact.several_terms, order, 1.0, 1.0, forcing=forcing), ValueError, FORCING)
+    (lambda: exact.several_terms(0.5, 1.0, 1.0, rate="a"), "rate must", BAD),
+    *((partial(exact.several_terms, order, 1.0, 1.0, forcing=forcing), FORCING)
       for order, forcing in [(0.5, (1.0, 0.0)), (0.5, [(1.0, -0.5)]), (1.0, [(1.0, -1.0)])]),
-    (lambda: exact.system(0.5, [[1.0, 1.0]], [1.0, 1.0]),
-     ValueError, r"matrix must have shape \(2, 2\)"),
-    (lambda: exact.system(0.5, -np.eye(2), [1.0, 1.0], [1.0]),
-     ValueError, "forcing must have shape"),
-    (lambda: exact.system(0.5, [[1.0, 1.0], [0.0, 1.0]], [1.0, 1.0]),
-     ValueError, "be diagonalisable, got"),
-    (lambda: exact.relaxation()(-1.0), ValueError, "t must be finite numbers of at least 0"),
-    *each(lambda t: exact.relaxation()(t), [[[1.0]], [np.inf]],
-          ValueError, "t must be finite numbers"),
+    (lambda: exact.system(0.5, [[1.0, 1.0]], [1.0, 1.0]), r"matrix must have shape \(2, 2\)"),
+    (lambda: exact.system(0.5, -np.eye(2), [1.0, 1.0], [1.0]), "forcing must have shape"),
+    (lambda: exact.system(0.5, [[1.0, 1.0], [0.0, 1.0]], [1.0, 1.0]), "be diagonalisable, got"),
+    (lambda: exact.relaxation()(-1.0), "t must be finite numbers of at least 0"),
+    *each(lambda t: exact.relaxation()(t), [[[1.0]], [np.inf]], "t must be finite numbers"),
 ]  # fmt: skip
 
 SOLUTIONS = [
     *each(lambda t: adapt()(t), [-1e-9, 1.0 + 1e-9, [0.5, 3.0], np.inf, np.nan, "soon"],
-          BAD, "t must .*, got"),
-    *each(lambda m: adapt()(1.0, m), [2, -1, 0.5, "first"],
-          ValueError, "derivative must be 0 or 1, got"),
-    (lambda: adapt()([[0.1], [0.2]]),
-     ValueError, r"t must be a number or of shape .k,., got shape"),
+          "t must .*, got", BAD),
+    *each(lambda m: adapt()(1.0, m), [2, -1, 0.5, "first"], "derivative must be 0 or 1, got"),
+    (lambda: adapt()([[0.1], [0.2]]), r"t must be a number or of shape .k,., got shape"),
     *each(lambda scheme: run(scheme=scheme)(1.1),
           [hd.ExplicitCaputo(), hd.GrunwaldLetnikov(), hd.L1(), hd.L12(), hd.L2(), hd.L2Sigma(),
-           hd.BDF(3), hd.Adams(), hd.ProductTrapezoid()], ValueError, "lie in"),
+           hd.BDF(3), hd.Adams(), hd.ProductTrapezoid()], "lie in"),
     *each(lambda kept: run(**kept)(0.5), [{"save_every": 2}, {"t_eval": [0.5]}],
-          ValueError, "this run kept no dense output"),
+          "this run kept no dense output"),
     # sections
-    (lambda: hd.stroboscopic(parabola(), 0.0), ValueError, "period must"),
-    (lambda: hd.stroboscopic(parabola(), 1e-12), ValueError, "period must give at most"),
-    (lambda: hd.stroboscopic(parabola(), 1.0, count=0), ValueError, "count must"),
+    (lambda: hd.stroboscopic(parabola(), 0.0), "period must"),
+    (lambda: hd.stroboscopic(parabola(), 1e-12), "period must give at most"),
+    (lambda: hd.stroboscopic(parabola(), 1.0, count=0), "count must"),
     *each(lambda j: hd.maxima(parabola(), component=j), [1, "x"],
-          ValueError, "component must be one of 0 .. 0"),
-    (lambda: hd.maxima(parabola(), derivative=2), ValueError, "derivative must be 0 or 1"),
-    (lambda: hd.maxima(parabola(), count=10**12), ValueError, "count must be at most"),
-    (lambda: hd.maxima(plain(), derivative=1), ValueError, "solution must hold a first derivative"),
+          "component must be one of 0 .. 0"),
+    (lambda: hd.maxima(parabola(), derivative=2), "derivative must be 0 or 1"),
+    (lambda: hd.maxima(parabola(), count=10**12), "count must be at most"),
+    (lambda: hd.maxima(plain(), derivative=1), "solution must hold a first derivative"),
     (lambda: hd.maxima(run(equation=equation(0.9, 1 + 0j, lambda t, z: 1j * z))),
-     ValueError, "solution must be real, got a complex one"),
+     "solution must be real, got a complex one"),
     # chaos
-    (lambda: hd.zero_one_test(np.zeros(100)), ValueError, "series must hold 200 values"),
-    (lambda: hd.zero_one_test(logistic(), n_c=0), ValueError, "n_c must be a positive integer"),
-    (lambda: hd.zero_one_test(logistic(), take="minima"), ValueError, "take must be .maxima. or"),
-    (lambda: hd.zero_one_test(relaxed()),
-     ValueError, "run longer: so many maxima, or values, are needed"),
-    (lambda: hd.power_spectrum(np.zeros(100)), ValueError, "series must be of shape"),
-    (lambda: hd.power_spectrum(np.zeros(5), 0.1), ValueError, "series must leave 16 values"),
-    (lambda: hd.power_spectrum(np.zeros(99), 0.1, transient=9.0),
-     ValueError, "series must leave 16 values"),
-    (lambda: hd.power_spectrum(relaxed(), transient=2.0),
-     ValueError, "series must leave 16 values"),
-    (lambda: hd.power_spectrum(np.zeros(99), np.inf), ValueError, "step must be"),
+    (lambda: hd.zero_one_test(np.zeros(100)), "series must hold 200 values"),
+    (lambda: hd.zero_one_test(logistic(), n_c=0), "n_c must be a positive integer"),
+    (lambda: hd.zero_one_test(logistic(), take="minima"), "take must be .maxima. or"),
+    (lambda: hd.zero_one_test(relaxed()), "run longer: so many maxima, or values, are needed"),
+    (lambda: hd.power_spectrum(np.zeros(100)), "series must be of shape"),
+    (lambda: hd.power_spectrum(np.zeros(5), 0.1), "series must leave 16 values"),
+    (lambda: hd.power_spectrum(np.zeros(99), 0.1, transient=9.0), "series must leave 16 values"),
+    (lambda: hd.power_spectrum(relaxed(), transient=2.0), "series must leave 16 values"),
+    (lambda: hd.power_spectrum(np.zeros(99), np.inf), "step must be"),
     (lambda: hd.power_spectrum(run(n_steps=None, mesh=hd.graded(40, 2), scheme=hd.L1())),
-     ValueError, "series must have dense output, or rows at equal times"),
-    (lambda: hd.power_spectrum(relaxed(), component=1),
-     ValueError, "component must be one of 0 .. 0"),
-    *((lambda change=change: classify(parabola(), **{"period": 6.28} | change), ValueError, words)
+     "series must have dense output, or rows at equal times"),
+    (lambda: hd.power_spectrum(relaxed(), component=1), "component must be one of 0 .. 0"),
+    *((lambda change=change: classify(parabola(), **{"period": 6.28} | change), words)
       for change, words in [
         ({"period": -1.0}, "period must"), ({"spacing": 0.0}, "spacing must"),
         ({"transient": 1e6}, "transient must lie before the end of the run")]),
-    (lambda: hd.plots.velocity(plain()), ValueError, "solution must hold a first derivative"),
-    (lambda: hd.plots.oscillogram(plain(), components=2), ValueError, "components must"),
-    (lambda: hd.plots.oscillogram(plain(), components=[0.5]), ValueError, "components must"),
-    (lambda: hd.plots.phase_portrait(plain(), components=0), ValueError, "components must"),
+    (lambda: hd.plots.velocity(plain()), "solution must hold a first derivative"),
+    (lambda: hd.plots.oscillogram(plain(), components=2), "components must"),
+    (lambda: hd.plots.oscillogram(plain(), components=[0.5]), "components must"),
+    (lambda: hd.plots.phase_portrait(plain(), components=0), "components must"),
 ]  # fmt: skip
 
 INDEPENDENT = "directions must be linearly independent"
 EXPONENTS = [
-    (lambda: slid(k=3), ValueError, "k must be at most the number of initial data, 2, got 3"),
-    (lambda: slid(k=0), ValueError, "k must be a positive integer, got 0"),
-    (lambda: slid(mode="benettin"), ValueError, "mode must be one of .*, got 'benettin'"),
-    (lambda: slid(renorm=-1.0), ValueError, "renorm must be a finite number above 0"),
+    (lambda: slid(k=3), "k must be at most the number of initial data, 2, got 3"),
+    (lambda: slid(mode="benettin"), "mode must be one of .*, got 'benettin'"),
     *each(lambda renorm: hd.lyapunov(linear(), 2.0, 200, renorm=renorm), [1e300, 1e308],
-          ValueError, "renorm must be at"),
-    (lambda: slid(transient=20.0), ValueError, r"transient must lie in \[0, t_end\)"),
-    (lambda: slid(window=0.0), ValueError, r"window must lie in \(0, 1\]"),
-    (lambda: slid(directions=[[1.0]]), ValueError, r"directions must have shape \(2, 1\)"),
-    (lambda: slid(k=2, directions=[[1.0, 2.0], [1.0, 2.0]]), ValueError, INDEPENDENT),
-    (lambda: slid(directions=[[0.0], [0.0]]), ValueError, INDEPENDENT),
-    (lambda: slid(seed=-1), TypeError, "seed must be a whole number"),
-    (lambda: slid(separation=0.0), ValueError, "separation must be a finite number above 0"),
-    (lambda: slid(separation=1e3),
-     ValueError, "separation must be at most 1, that orbits be neighb"),
+          "renorm must be at"),
+    (lambda: slid(transient=20.0), r"transient must lie in \[0, t_end\)"),
+    (lambda: slid(directions=[[1.0]]), r"directions must have shape \(2, 1\)"),
+    (lambda: slid(k=2, directions=[[1.0, 2.0], [1.0, 2.0]]), INDEPENDENT),
+    (lambda: slid(directions=[[0.0], [0.0]]), INDEPENDENT),
+    (lambda: slid(seed=-1), "seed must be a whole number", TypeError),
+    (lambda: slid(separation=1e3), "separation must be at most 1, that orbits be neighb"),
     *each(viscoelastic.spring(1.0).stiffness, [math.nan, [1j, complex(0, math.inf)], MASKED],
-          ValueError, "s must be finite complex numbers"),
-    *each(viscoelastic.spring(1.0).stiffness, ["abc", None, {}], TypeError, "s must be finite"),
-    (lambda: slid(verify="twice"), TypeError, "verify must be True, False or None, got 'twice'"),
-    (lambda: slid(n_blocks=10**9), ValueError, "n_blocks must be at most"),
-    (lambda: slid(scheme="L1"), TypeError, "scheme must be a Scheme"),
+          "s must be finite complex numbers"),
+    *each(viscoelastic.spring(1.0).stiffness, ["abc", None, {}], "s must be finite", TypeError),
+    (lambda: slid(verify="twice"), "verify must be True, False or None, got 'twice'", TypeError),
+    (lambda: slid(n_blocks=10**9), "n_blocks must be at most"),
+    (lambda: slid(scheme="L1"), "scheme must be a Scheme", TypeError),
     (lambda: slid(rtol=1e-8, scheme=hd.BDF(2)),
-     ValueError, "rtol must be left out or come with scheme=Collocation"),
-    (lambda: slid(scheme=hd.Collocation(), mode="pair"),
-     ValueError, 'mode must be "tangent" with Collocation'),
+     "rtol must be left out or come with scheme=Collocation"),
+    (lambda: slid(scheme=hd.Collocation(), mode="pair"), 'mode must be "tangent" with Collocation'),
     (lambda: hd.lyapunov(linear(), 1e-320, rtol=1e-6, scheme=hd.Collocation()),
-     ValueError, "another unit of time"),
+     "another unit of time"),
 ]  # fmt: skip
 
 PERIODIC = "rhs must have period 2 pi / omega"
 RESPONSES = [
-    *each(respond, [[], [1.0, 1.0], [-1.0, 1.0]], ValueError, "omegas must be frequencies above 0"),
-    (lambda: respond(frequency=3), BAD, "frequency must be the number of a parameter, 0 .. 2"),
-    (lambda: respond(harmonics=0), ValueError, "harmonics must be a positive integer"),
-    (lambda: respond([1.3], frequency=1), ValueError, rf"{PERIODIC} in t, omega being params\[1\]"),
+    *each(respond, [[], [1.0, 1.0], [-1.0, 1.0]], "omegas must be frequencies above 0"),
+    (lambda: respond(frequency=3), "frequency must be the number of a parameter, 0 .. 2", BAD),
+    (lambda: respond(harmonics=0), "harmonics must be a positive integer"),
+    (lambda: respond([1.3], frequency=1), rf"{PERIODIC} in t, omega being params\[1\]"),
     # at 0.5 and 1 a force of frequency 1 has the period of the first; between them it has not
-    (lambda: respond(np.linspace(0.5, 1.0, 6), rhs=two_forces, params=[1.0]), ValueError, PERIODIC),
-    (lambda: respond([1.0, 0.0, -1.0], hd.Caputo(1.8), rooted, [1.0, 1.0], along=1),
-     ValueError, "rhs must be finite over a period"),
+    (lambda: respond(np.linspace(0.5, 1.0, 6), params=[1.0],
+                     rhs=lambda t, x, p: 0.1 * np.cos(p[0] * t) + np.cos(t) - x), PERIODIC),
+    (lambda: respond([1.0, 0.0, -1.0], hd.Caputo(1.8), params=[1.0, 1.0], along=1,
+                     rhs=lambda t, x, p: np.sqrt(p[1]) * np.cos(p[0] * t) - x),
+     "rhs must be finite over a period"),
     (lambda: respond([0.0, 1.0], params=[0.0, 0.3, 0.5], along=1),
-     ValueError, "equation must have a frequency above 0"),
+     "equation must have a frequency above 0"),
     (lambda: respond([0.0, 1.0], params=[0.0, 0.3, 0.5], along=7),
-     ValueError, "along must be the number of a parameter"),
-    (respond_in_python, ValueError, "equation must have functions that numba compiles"),
+     "along must be the number of a parameter"),
+    (respond_in_python, "equation must have functions that numba compiles"),
     *((lambda given=given: hd.frequency_response(equation(**given, params=[1.0, 1.0, 0.0]), [1.0]),
-       ValueError, f"equation must {words}, got Equation.*; ") for words, given in [
+       f"equation must {words}, got Equation.*; ") for words, given in [
         ("have constant orders", {"order": lambda t: 0.5 + 0.1 * t, "y0": 0.0, "rhs": driven}),
         ("have real y", {"y0": 1j, "rhs": driven}),
         ("have orders up to 2", {"order": 2.5, "y0": [0.0, 0.0, 0.0], "rhs": driven}),
@@ -442,21 +408,22 @@ RESPONSES = [
         ("have no delays",
          {"y0": 0.0, "rhs": lambda t, x, late, p: late[0], "memory": hd.Delay(1.0)})]),
     # kernels without a steady state
-    (lambda: steady(CLOSED, 1), ValueError, "kernel must have a Laplace transform in closed"),
-    (lambda: steady(Prony([0.0, 1.0], [1.0, 1.0]), 1), ValueError, "kernel must fade"),
-    (lambda: steady(DistributedOrder([0.0, 0.5], [1.0, 1.0]), 1), ValueError, "kernel must fade"),
-    (lambda: steady(TemperedPowerLaw(0.5, 0.0), 0), ValueError, STEADY),
-    (lambda: steady(hd.fit_exponentials(PowerLaw(0.4), 1e-3, 1e3, 1e-8), 0), ValueError, STEADY),
+    (lambda: steady(CLOSED, 1), "kernel must have a Laplace transform in closed"),
+    (lambda: steady(Prony([0.0, 1.0], [1.0, 1.0]), 1), "kernel must fade"),
+    (lambda: steady(DistributedOrder([0.0, 0.5], [1.0, 1.0]), 1), "kernel must fade"),
+    (lambda: steady(TemperedPowerLaw(0.5, 0.0), 0), STEADY),
+    (lambda: steady(hd.fit_exponentials(PowerLaw(0.4), 1e-3, 1e3, 1e-8), 0), STEADY),
 ]  # fmt: skip
 
 OBSERVED = "observe must be numbers of components"
 BOUNDED = r"bounds\['alpha'\] must hold"
 FITS = [
     *each(lambda p0: fit(p0=p0), [{"alpha": 0.9, "speed": 1.0}, {"alpha": 0.9}],
-          TypeError, r"p0 must name the arguments of model\(alpha, rate\), got names .*'rate'"),
-    (lambda: fit(p0=[0.9, 1.0]), TypeError,
-     r"p0 must be a mapping of names.* model\(alpha, rate\), got \[0.9, 1. \]; missing .*'rate'"),
-    *((partial(fit, **change), BAD, words) for change, words in [
+          r"p0 must name the arguments of model\(alpha, rate\), got names .*'rate'", TypeError),
+    (lambda: fit(p0=[0.9, 1.0]),
+     r"p0 must be a mapping of names.* model\(alpha, rate\), got \[0.9, 1. \]; missing .*'rate'",
+     TypeError),
+    *((partial(fit, **change), words, BAD) for change, words in [
         ({"p0": {}}, "p0 must be a mapping of names to numbers"),
         ({"p0": {"alpha": np.nan, "rate": 1.0}}, "p0 must be"),
         ({"bounds": {"gamma": (0, 1)}}, "bounds must name parameters, alpha, rate"),
@@ -478,46 +445,46 @@ FITS = [
         ({"model": lambda alpha, rate: None}, "model must return an Equation"),
         ({"observe": lambda y: y[:, [0, 0]]}, r"observe must give real values of shape \(30,\)"),
     ]),
-    (lambda: fit_rate(observe=np.diff), ValueError, r"shape \(3,\).*got shape \(3, 0\)"),
-    (lambda: fit_rate(observe=[1]), ValueError, f"{OBSERVED}, 0 to 0"),
-    *each(lambda observe: fit_rate(observe=observe), [0.5, [-1], True], ValueError, OBSERVED),
-    (fit_order, ValueError, r"order must lie in \(0, 20\].*from model at a = 0.*bounds="),
+    (lambda: fit_rate(observe=np.diff), r"shape \(3,\).*got shape \(3, 0\)"),
+    (lambda: fit_rate(observe=[1]), f"{OBSERVED}, 0 to 0"),
+    *each(lambda observe: fit_rate(observe=observe), [0.5, [-1], True], OBSERVED),
+    (fit_order, r"order must lie in \(0, 20\].*from model at a = 0.*bounds="),
     # sensitivities
     *each(lambda wrt: differ(wrt=wrt), ["rate", ()],
-          BAD, "wrt must hold some of params, y0, orders"),
-    *((partial(differ, **{"n_steps": 10, "rtol": None} | given), BAD, words) for given, words in [
+          "wrt must hold some of params, y0, orders", BAD),
+    *((partial(differ, **{"n_steps": 10, "rtol": None} | given), words, BAD) for given, words in [
         ({"t_eval": [0.33]}, "t_eval must be times of steps"),
         ({"rtol": 1e-3, "scheme": hd.BDF(2)}, "rtol must be left out or come with scheme"),
         ({"scheme": hd.Collocation()}, "n_steps must be left out"),
         ({"t_end": 1e-320}, "t_eval must be times of steps"),
     ]),
-    (lambda: differ(t_end=1e-320), ValueError, "another unit of time"),
-    (lambda: differ(equation=equation(0.8), wrt="params"), ValueError, "wrt must leave out params"),
+    (lambda: differ(t_end=1e-320), "another unit of time"),
+    (lambda: differ(equation=equation(0.8), wrt="params"), "wrt must leave out params"),
     (lambda: differ(
         equation=equation(lambda t: 0.7 + 0.1 * t, rhs=faded, params=[1.0]), wrt="orders"),
-     ValueError, "wrt must leave out orders"),
+     "wrt must leave out orders"),
     (lambda: differ(wrt="orders", equation=hd.Equation(
         hd.Caputo([1 - 1e-5, 1 + 1e-5]), faded, [[1.0, 1.0], [0.0, 0.0]], [1.0])),
-     ValueError, "orders of a term must lie on one side of 1"),
+     "orders of a term must lie on one side of 1"),
     # tables of convergence
     *each(lambda n: hd.convergence_table(hd.scenes.relaxation(0.6), 2.0, n), [[100], [200, 100]],
-          ValueError, "n_steps must be two or more increasing numbers"),
+          "n_steps must be two or more increasing numbers"),
     *each(lambda given: hd.convergence_table(hd.scenes.relaxation(0.6), 2.0, **given),
           [{}, {"n_steps": [4, 8], "rtol": [0.1, 0.01]}],
-          ValueError, "n_steps or rtol must be given, one of the two, got (neither|both)"),
+          "n_steps or rtol must be given, one of the two, got (neither|both)"),
     *each(lambda rtol: hd.convergence_table(hd.scenes.relaxation(0.6), 2.0, rtol=rtol),
-          [1e-6, [1e-8, 1e-6]], ValueError, "rtol must be two or more decreasing tolerances"),
+          [1e-6, [1e-8, 1e-6]], "rtol must be two or more decreasing tolerances"),
     (lambda: hd.convergence_table(hd.scenes.relaxation(0.6), 2.0, rtol=[1e-6, 1e-12]),
-     ValueError, "rtol must exceed 1e-12, the tolerance of the run that others are compared with"),
+     "rtol must exceed 1e-12, the tolerance of the run that others are compared with"),
     (lambda: hd.convergence_table(hd.scenes.relaxation(0.6), 2.0, [100, 200.5]),
-     BAD, "n_steps must be a positive integer"),
+     "n_steps must be a positive integer", BAD),
     (lambda: hd.convergence_table(hd.scenes.relaxation(0.6), 2.0, [100, 200], exact=np.sin),
-     ValueError, "exact must return shape"),
+     "exact must return shape"),
 ]  # fmt: skip
 
 FLAT = r"grid\['b'\] must be a flat sequence"
 TABLES = [
-    *((partial(members, **given), BAD, words) for given, words in [
+    *((partial(members, **given), words, BAD) for given, words in [
         ({}, "params must be given, params or y0 or both"),
         ({"params": [[1.0, 2.0]]}, r"params must have shape \(E, 1\)"),
         ({"params": []}, "params must have a row for each member"),
@@ -528,10 +495,8 @@ TABLES = [
         ({"params": [1.0], "t_eval": [0.5], "save_every": 2}, "save_every must be left out"),
         ({"params": [1.0], "n_steps": None, "rtol": 1e-3, "save_every": 2}, "save_every must be"),
         ({"params": [1.0], "n_steps": None, "rtol": 5.0}, "rtol must lie in"),
-        ({"params": [1.0], "threads": 0}, "threads must be a positive integer"),
         ({"params": [1.0], "atol": 1e-6}, "atol must be left out or come with"),
         ({"params": [1.0], "max_step": 0.1}, "max_step must be left out or come with"),
-        ({"params": [1.0], "workers": 0}, "workers must be a positive integer"),
         ({"params": [1.0], "workers": 2, "threads": 2}, "threads must be left out with workers"),
         ({"params": [1.0], "components": [1]}, "components must be numbers of components, 0 to 0"),
         ({"params": [1.0], "changes": [{}, {}]}, "one for each of the 1 members, got 2"),
@@ -542,36 +507,35 @@ TABLES = [
     (lambda: members(
         equation=equation(hd.Caputo([1.8, 0.8]), [[1.0, 1.0], [0.5, 0.0]], faded, params=[1.0]),
         y0=[[[1.0, 1.0], [0.5, 0.0]], [[1.0, 1.0], [0.5, 0.1]]]),
-     ValueError, r"y0\[1\] must hold no y'\(0\)"),
+     r"y0\[1\] must hold no y'\(0\)"),
     # sweeps
-    (lambda: swept(3), TypeError, "function must be callable, got 3"),
+    (lambda: swept(3), "function must be callable, got 3", TypeError),
     (lambda: hd.sweep(product, {}),
-     TypeError, "grid must be a mapping of axis names to values, got {}"),
-    (lambda: hd.sweep(product, [1.0]), TypeError, "grid must be a mapping"),
+     "grid must be a mapping of axis names to values, got {}", TypeError),
+    (lambda: hd.sweep(product, [1.0]), "grid must be a mapping", TypeError),
     (lambda: hd.sweep(product, {"a": [1.0]}),
-     TypeError, "grid must have an axis for each argument .*'b'"),
+     "grid must have an axis for each argument .*'b'", TypeError),
     (lambda: hd.sweep(product, {"a": [1], "b": [1], "c": [1]}),
-     TypeError, "got axes a, b, c; .* 'c'"),
-    (lambda: swept(b=[]), ValueError, f"{FLAT} of at least one value"),
-    (lambda: swept(b=1.0), ValueError, f"{FLAT} .* got 1.0"),
-    *each(lambda b: swept(b=b), ["one", [[1.0]], [[1.0], [1.0, 2.0]]], ValueError, FLAT),
-    (lambda: swept(b=[1.0, math.nan]), ValueError, r"grid\['b'\] must hold finite numbers"),
-    (lambda: swept(b=[1.0, 2.0, 1.0]), ValueError, r"grid\['b'\] must hold distinct values"),
-    (lambda: swept(b=[1.0, "x"]), TypeError, r"grid\['b'\] must have only numbers or strings"),
+     "got axes a, b, c; .* 'c'", TypeError),
+    (lambda: swept(b=[]), f"{FLAT} of at least one value"),
+    (lambda: swept(b=1.0), f"{FLAT} .* got 1.0"),
+    *each(lambda b: swept(b=b), ["one", [[1.0]], [[1.0], [1.0, 2.0]]], FLAT),
+    (lambda: swept(b=[1.0, math.nan]), r"grid\['b'\] must hold finite numbers"),
+    (lambda: swept(b=[1.0, 2.0, 1.0]), r"grid\['b'\] must hold distinct values"),
+    (lambda: swept(b=[1.0, "x"]), r"grid\['b'\] must have only numbers or strings", TypeError),
     *each(lambda b: swept(b=b), [[1j], [None]],
-          TypeError, r"grid\['b'\] must have only numbers or strings"),
+          r"grid\['b'\] must have only numbers or strings", TypeError),
     (lambda: hd.sweep(product, {"a": [1.0], "b": [1.0], "status": [1.0]}),
-     ValueError, "axes of grid must be named .* got 'status'"),
+     "axes of grid must be named .* got 'status'"),
     (lambda: hd.sweep(product, {"a": [1.0], "b": [1.0], 1: [1.0]}),
-     ValueError, "axes of grid must be named by strings"),
-    (lambda: swept(executor=4), TypeError, "executor must be an Executor, got 4; pass concurrent"),
-    (lambda: swept(store=4), TypeError, "store must be the path of a file, got 4"),
+     "axes of grid must be named by strings"),
+    (lambda: swept(executor=4), "executor must be an Executor, got 4; pass concurrent", TypeError),
+    (lambda: swept(store=4), "store must be the path of a file, got 4", TypeError),
     (lambda: hd.sweep(lambda a: {"b": a, "state": 1}, {"a": [1.0]}, carry=True),
-     TypeError, 'takes "state" too'),
-    (lambda: hd.sweep(lambda step, state: state, {"state": [1.0]}, carry=True),
-     ValueError, 'no axis "state"'),
+     'takes "state" too', TypeError),
+    (lambda: hd.sweep(lambda step, state: state, {"state": [1.0]}, carry=True), 'no axis "state"'),
     (lambda: hd.sweep(lambda a: 1 / 0, {"a": [1]})["value"],
-     KeyError, "none: no point gave a value"),
+     "none: no point gave a value", KeyError),
 ]  # fmt: skip
 
 MASKS = each(lambda read: read(MASKED), [
@@ -594,6 +558,55 @@ MASKS = each(lambda read: read(MASKED), [
     hd.power_spectrum,
     lambda sigma: fit_rate(sigma=np.ma.concatenate([[1.0], sigma])),
     lambda a: hd.sweep(lambda a: {"a": a}, {"a": a}),
-], ValueError, "got masked entries; leave these entries out, or fill")  # fmt: skip
+], "got masked entries; leave these entries out, or fill")  # fmt: skip
+
+DATA = [1.0, 2.0], [1.0, 0.5]
+MODULI = [1.0, 2.0], [1.0, 2.0], [1.0, 2.0]
+DAYS, TIMES = np.arange(6.0), np.geomspace(1e-3, 1e3, 100)
+SHARES = np.array([0.0, 0.4, 0.3, 0.2, 0.1, 0.0])
+
+
+def scarpi(s):
+    return s ** ((1.8 + 0.6 * s) / (2 + s) - 1)
+
+
+def of_moduli(moduli=MODULI, model=viscoelastic.SpringPot, p0=None, **given):
+    guess = {"modulus": 1.0, "order": 0.5} if p0 is None else p0
+    return viscoelastic.fit_moduli(model, *moduli, guess, **given)
+
+
+MODELS = [
+    (lambda: viscoelastic.fit_relaxation(viscoelastic.dashpot, *DATA, {"viscosity": 1.0}),
+     "model must have relaxation above 0, got 0 from SpringPot"),
+    (lambda: viscoelastic.fit_creep(viscoelastic.spring, [1.0, 2.0], [1.0], {"modulus": 1.0}),
+     r"creep must have shape \(n,\) as t"),
+    (lambda: viscoelastic.SpringPot(1.0, 1.5), r"order must lie in \[0, 1\]"),
+    (lambda: viscoelastic.spring(0.0), "modulus must be a finite number above 0"),
+    (lambda: viscoelastic.series(2.0), "parts must be a Model", TypeError),
+    (viscoelastic.parallel, "parts must hold at least one model"),
+    (lambda: viscoelastic.spring(1.0).relaxation([0.0, 1.0]), "t must be above 0"),
+    (lambda: of_moduli(([1.0, 2.0], [1.0], [1.0])), "storage and loss must have shape"),
+    (lambda: of_moduli(bounds={"alpha": (0, 1)}), "bounds must be of modulus"),
+    (lambda: of_moduli(bounds={"order": (0.9, 1.0)}), "p0 must lie within the bounds"),
+    (lambda: of_moduli(model=lambda a: a, p0={"a": 1.0}),
+     "what model returns must be a Model", TypeError),
+    # kernels by their transforms
+    (lambda: hd.kernel_from_laplace(3.0), "be callable", TypeError),
+    (lambda: hd.kernel_from_laplace(lambda s: s**0.2), "integrable at 0"),
+    (lambda: hd.kernel_from_laplace(lambda s: 3.0), "give one number for each s", TypeError),
+    (lambda: hd.kernel_from_laplace(lambda s: 1 / (s**2 + 0.2 * s + 1), signed=True)(TIMES),
+     "analytic off the negative real axis"),
+    (lambda: hd.kernel_from_laplace(scarpi).fit(1e-3, 10.0, 1e-6), "signed=True"),
+    # densities
+    (lambda: Kernel.from_table(DAYS, SHARES),
+     "t must be positive, got 0 first; leave that row out"),
+    (lambda: Kernel.from_table(DAYS, SHARES - 0.01, signed=True),
+     "values must be positive at 4 times t > 0 or more, and 0 before and after them o"),
+    (lambda: Kernel.from_table(DAYS[::-1], SHARES), "t must increase"),
+    (lambda: hd.LognormalDensity(1.5, 0.0), r"sigma must lie in \[0.05, 5\]"),
+    (lambda: hd.WeibullDensity(30.0, 1.0), r"shape must lie in \[0.1, 20\]"),
+    (lambda: hd.WeibullDensity.from_mean(5.0, 0.1), "sd must be 0.063 to 400 times the mean"),
+]  # fmt: skip
 
 ROWS = [*KERNELS, *SCENES, *EXACT, *SOLUTIONS, *EXPONENTS, *RESPONSES, *FITS, *TABLES, *MASKS]
+ROWS += MODELS

@@ -46,27 +46,51 @@ CALLS = {
     "memory": partial(hd.Memory, PRONY),
     "exponent": lambda **change: hd.PowerLaw(**change),
     "modes": hd.SumOfExponentials,
+    "nodes": hd.Collocation,
     "solve_ivp": lambda **change: hd.solve_ivp(decay, (0.0, 1.0), [1.0], **change),
     "convergence": lambda **change: hd.convergence_table(linear(), 1.0, [4, 8], **change),
     "sweep": lambda **change: hd.sweep(lambda x: x, {"x": [1.0]}, **{"progress": False} | change),
     "duffing": hd.scenes.duffing,
     "diffusion": partial(hd.scenes.subdiffusion, 0.5, 3),
 }
+POSITIVE, COUNT, REAL = "a finite number above 0", "a positive integer", "a finite real number"
+# What arguments that are one number must be.
 NUMBERS = {
-    "solve": ("t_end", "n_steps", "save_every"),
-    "resume": ("t_end",),
-    "tolerance": ("rtol", "atol", "max_step", "max_steps"),
+    "solve": {"t_end": POSITIVE, "n_steps": COUNT, "save_every": COUNT},
+    "resume": {"t_end": POSITIVE},
+    "tolerance": {
+        "rtol": "lie in [1e-12, 0.1]", "max_step": POSITIVE, "max_steps": COUNT, "save_every": COUNT
+    },
+    "lyapunov": {
+        "t_end": POSITIVE, "n_steps": COUNT, "k": COUNT, "renorm": POSITIVE, "separation": POSITIVE,
+        "window": "lie in (0, 1]", "transient": "lie in [0, t_end)",
+    },
+    "ensemble": {"t_end": POSITIVE, "n_steps": COUNT, "threads": COUNT, "workers": COUNT},
+    "data": {"t_start": REAL},
+    "function": {"t_start": REAL},
+    "exponent": {"exponent": "lie in (0, 2]"},
+    "modes": {"tol": "lie in [1e-13, 0.1]", "horizon": POSITIVE},
+    "nodes": {"horizon": POSITIVE},
+    "solve_ivp": {"rtol": "lie in [1e-12, 0.1]"},
+}  # fmt: skip
+# Those of which other values than one number are taken, or no words are shared.
+OTHERS = {
+    "tolerance": ("atol",),
     "dense output": ("derivative",),
-    "lyapunov": ("t_end", "n_steps", "k", "renorm", "transient", "window", "separation"),
-    "ensemble": ("t_end", "n_steps", "threads"),
     "stiffness": ("s",),
-    "data": ("t_start",),
-    "function": ("t_start",),
     "memory": ("derivative",),
-    "exponent": ("exponent",),
-    "modes": ("tol", "horizon"),
-    "solve_ivp": ("rtol", "atol", "max_step"),
+    "solve_ivp": ("atol", "max_step"),
     "diffusion": ("dimensions",),
+}
+# Bad values of each kind of number, and the exceptions.
+OF_TYPE = [(value, TypeError) for value in (True, "one", 1j, [1.0])]
+OF_REALS = [*OF_TYPE, (math.nan, ValueError), (math.inf, ValueError)]
+OF_RANGES = [*OF_REALS, (0.0, ValueError), (-1.0, ValueError), (1e3, ValueError)]
+VALUES = {
+    "lie in [0, t_end)": [*OF_REALS, (-1.0, ValueError), (1e3, ValueError)],
+    REAL: OF_REALS,
+    POSITIVE: [*OF_REALS, (0.0, ValueError), (-1.0, ValueError)],
+    COUNT: [*OF_TYPE, (2.5, TypeError), (math.nan, TypeError), (0, ValueError), (-3, ValueError)],
 }
 WORDS = {
     "solve": ("allow_change", "estimate", "progress", "changes"),
@@ -92,6 +116,15 @@ def pairs(table):
 
 
 @pytest.mark.parametrize(("call", "name"), pairs(NUMBERS))
+def test_other_values_than_a_number_of_its_kind_are_refused(call, name):
+    kind = NUMBERS[call][name]
+    words = kind if kind.startswith("lie") else f"be {kind}"
+    for value, error in VALUES.get(kind, OF_RANGES):
+        with pytest.raises(error, match="^" + re.escape(f"{name} must {words}, got ")):
+            CALLS[call](**{name: value})
+
+
+@pytest.mark.parametrize(("call", "name"), pairs(NUMBERS) + pairs(OTHERS))
 def test_integers_beyond_double_precision_are_refused(call, name):
     with pytest.raises(BAD, match=f"{name} must") as caught:
         CALLS[call](**{name: 10**400})
@@ -163,8 +196,9 @@ def test_memory_of_data_begins_with_them():
         hd.derivative(T, T**2, hd.Caputo(0.5), t_start=0.5)
 
 
-@pytest.mark.parametrize(("call", "error", "words"), [*EQUATIONS, *RUNS, *ANALYSES])
-def test_refusals(call, error, words):
+@pytest.mark.parametrize("row", [*EQUATIONS, *RUNS, *ANALYSES])
+def test_refusals(row):
+    call, words, error = (*row, ValueError)[:3]
     with pytest.raises(error, match=words):
         call()
 
@@ -225,16 +259,6 @@ def test_an_order_may_cross_1_where_d_is_stated():
     assert eq.y0.tolist() == [[1.0, 2.0], [0.5, 0.0]]
     crossed = eq.replace(terms=hd.Caputo([0.5, 1.6]))
     assert crossed.y0.tolist() == [[1.0, 2.0], [0.0, 0.6]]
-
-
-def test_the_hint_on_a_velocity_is_right():
-    def hinted(t, x, memory):
-        return -x[0] - 0.3 * memory[0, 0]
-
-    start, classical = [1.0, 0.0], hd.Caputo(1.8) + 0.3 * hd.Caputo(1)
-    ours = hd.solve(hd.Equation(hd.Caputo(1.8), hinted, start, memory=hd.Caputo(1)), 5.0, rtol=1e-8)
-    theirs = hd.solve(hd.Equation(classical, decay, start), 5.0, rtol=1e-8)
-    assert ours.y[-1] == pytest.approx(theirs.y[-1], abs=1e-7)
 
 
 def test_masked_arrays_without_masked_entries_are_arrays():

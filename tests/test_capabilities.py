@@ -19,30 +19,20 @@ _SPEC.loader.exec_module(tables)
 MESH = hd.graded(100, 2.0)
 
 
-def decay(t, y):
-    return -y
-
-
-def half_decay(t, y):
-    return -0.5 * y
-
-
-def equation(*terms, d=1):
+def equation(*orders):
     """Sum of terms of these orders; y'(0) where one exceeds 1."""
-    highest = max(np.max(alpha) for alpha in terms)
-    y0 = np.ones(d) if highest <= 1 else np.array([np.ones(d), np.zeros(d)])
-    return hd.Equation([hd.Caputo(alpha) for alpha in terms], decay, y0)
+    y0 = 1.0 if max(orders) <= 1 else [1.0, 0.0]
+    return hd.Equation([hd.Caputo(alpha) for alpha in orders], lambda t, y: -y, y0)
 
 
 def taken(problem, scheme, mesh=None):
     """Whether a run is made; False where it is refused with a ValueError."""
     if isinstance(scheme, hd.IMEX):
-        problem = problem.replace(rhs=half_decay, linear=-0.5 * np.eye(problem.d))
+        problem = problem.replace(rhs=lambda t, y: -0.5 * y, linear=-0.5 * np.eye(problem.d))
     how = {"n_steps": 200} if mesh is None else {"mesh": mesh}
+    how = {} if isinstance(scheme, hd.Collocation) else how
     try:
-        return hd.solve(
-            problem, 0.5, scheme=scheme, **({} if isinstance(scheme, hd.Collocation) else how)
-        ).success
+        return hd.solve(problem, 0.5, scheme=scheme, **how).success
     except ValueError:
         return False
 

@@ -1,10 +1,12 @@
 """The user's frame: equations that begin at other times than 0, and complex ones."""
 
+from functools import partial
+
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from problems import mittag_leffler
+from problems import assert_converges, mittag_leffler, run
 
 import hereditary as hd
 
@@ -12,37 +14,27 @@ SCHEMES = (
     hd.ExplicitCaputo(), hd.GrunwaldLetnikov(), hd.L1(), hd.BDF(2), hd.Adams(),
     hd.Collocation(),
 )  # fmt: skip
+run = partial(run, n=100, rtol=1e-8)
 
 
-def run(eq, scheme, length=2.0, **given):
-    by_steps = {"n_steps": 100, "estimate": False}  # a few draws err by 5 %
-    steps = {"rtol": 1e-8} if isinstance(scheme, hd.Collocation) else by_steps
-    return hd.solve(eq, eq.t_start + length, scheme=scheme, **steps, **given)
+def order(t):
+    return 0.6 + 0.1 * np.tanh(t)
 
 
-def test_orders_that_vary_kernels_memory_and_breaks_begin_at_the_start():
-    def order(t):
-        return 0.6 + 0.1 * np.tanh(t)
+KERNEL = hd.Caputo(1.0) + hd.Memory(hd.Prony([1.0], [0.5]), 1)
 
-    def order_later(t):
-        return order(t + 3.0)
 
+@pytest.mark.parametrize(
+    ("terms", "later"), [(hd.Caputo(order), hd.Caputo(lambda t: order(t + 3.0))), (KERNEL, KERNEL)]
+)
+def test_orders_that_vary_kernels_memory_and_breaks_begin_at_the_start(terms, later):
     def reads(t, y, memory):
         return -y * (1 + np.sign(t - 4.0)) - memory[0] * t
 
-    def reads_later(t, y, memory):
-        return reads(t + 3.0, y, memory)
-
-    kernel = hd.Memory(hd.Prony([1.0], [0.5]), 1)
-    for terms, later, memory in (
-        (hd.Caputo(order), hd.Caputo(order_later), hd.Caputo(0.3)),
-        (hd.Caputo(1.0) + kernel, hd.Caputo(1.0) + kernel, hd.Caputo(0.4)),
-    ):
-        there = hd.Equation(terms, reads, 1.0, memory=memory, t_start=3.0)
-        here = hd.Equation(later, reads_later, 1.0, memory=memory)
-        found = hd.solve(there, 5.0, 100, scheme=hd.L1(), breaks=[4.0])
-        expected = hd.solve(here, 2.0, 100, scheme=hd.L1(), breaks=[1.0])
-        np.testing.assert_allclose(found.y, expected.y, rtol=1e-12)
+    there = hd.Equation(terms, reads, 1.0, memory=hd.Caputo(0.3), t_start=3.0)
+    here = hd.Equation(later, lambda t, y, m: reads(t + 3.0, y, m), 1.0, memory=hd.Caputo(0.3))
+    found, expected = (run(eq, hd.L1(), breaks=[eq.t_start + 1.0]).y for eq in (there, here))
+    np.testing.assert_allclose(found, expected, rtol=1e-12)
 
 
 def test_the_message_of_an_early_end_has_the_users_time():
@@ -100,31 +92,34 @@ def test_a_complex_rate_gives_mittag_leffler(alpha):
     sol = hd.solve(eq, t_end, rtol=1e-10)
     exact = mittag_leffler(alpha, rate * t_end**alpha)
     assert abs(sol.y[-1, 0] - exact) < 3e-10
-    steps = [hd.solve(eq, t_end, n, scheme=hd.BDF(2)).y[-1, 0] for n in (400, 800)]
-    errors = [abs(value - exact) for value in steps]
-    assert errors[1] < 1e-3
-    assert abs(np.log2(errors[0] / errors[1]) - 2) < 0.15
+
+    def end(n):
+        return hd.solve(eq, t_end, n, scheme=hd.BDF(2)).y[-1]
+
+    assert_converges(end, exact, (400, 800), 2, 1e-3)
 
 
-def shapes(rate):
-    def in_place(t, z, dz, params):
-        for j in range(z.size):
-            dz[j] = rate * z[j]
+RATE = 1j - 0.5
 
-    class InPython:
-        def __call__(self, t, z):
-            return rate * z
 
-    return (
-        lambda t, z: rate * z, lambda t, z, p: rate * z, in_place, InPython(),
-        lambda t, z: [rate * z[0], rate * z[1]],
-    )  # fmt: skip
+def in_place(t, z, dz, params):
+    for j in range(z.size):
+        dz[j] = RATE * z[j]
+
+
+SHAPES = (
+    lambda t, z: RATE * z,
+    lambda t, z, p: RATE * z,
+    in_place,
+    partial(lambda t, z: RATE * z),
+    lambda t, z: [RATE * z[0], RATE * z[1]],
+)
 
 
 @pytest.mark.filterwarnings("ignore::hereditary.PythonFunctionWarning")
 def test_all_shapes_of_complex_functions_agree():
     z0 = [1.0 + 1j, -0.5j]
-    sols = [run(hd.Equation(hd.Caputo(0.6), f, z0), hd.L1()) for f in shapes(1j - 0.5)]
+    sols = [run(hd.Equation(hd.Caputo(0.6), f, z0), hd.L1()) for f in SHAPES]
     for sol in sols[1:]:
         np.testing.assert_allclose(sol.y, sols[0].y, rtol=1e-13)
     one = hd.Equation(hd.Caputo(0.6), lambda t, z: (1j - 0.5) * z[0], 1.0 + 1j)
@@ -182,11 +177,11 @@ def test_schroedinger_by_its_eigenstates():
     factors = [mittag_leffler(alpha, -1j * energy * 2.0**alpha) for energy in energies]
     exact = states @ (factors * (states.T @ psi))
     assert np.abs(hd.solve(eq, 2.0, rtol=1e-9).y[-1] - exact).max() < 3e-9
-    errors = [
-        np.abs(hd.solve(eq, 2.0, k, scheme=hd.Adams()).y[-1] - exact).max() for k in (200, 400)
-    ]
-    assert errors[1] < 2e-4
-    assert abs(np.log2(errors[0] / errors[1]) - (1 + alpha)) < 0.15
+
+    def end(k):
+        return hd.solve(eq, 2.0, k, scheme=hd.Adams()).y[-1]
+
+    assert_converges(end, exact, (200, 400), 1 + alpha, 2e-4)
 
 
 @pytest.mark.parametrize("start", [0.0, 0.3, 7.0, -50.0, 1000.0])

@@ -310,15 +310,15 @@ def test_time_scales_scale(family, exponent, log_c):
 def test_a_first_step_that_values_do_not_reach_is_refused_in_the_users_words():
     """A leading kernel given as a function: steps begin at about (rtol / 1000)**(1 / alpha)."""
 
-    def equation(order):
+    def end(order, rtol):
         def kernel(u):
             own = order - 0.1 * np.exp(-u)
             return u**-own / scipy.special.gamma(1 - own)
 
-        return hd.Equation(hd.Memory(hd.Kernel(kernel), 1), lambda t, y: -y, 1.0)
+        equation = hd.Equation(hd.Memory(hd.Kernel(kernel), 1), lambda t, y: -y, 1.0)
+        return hd.solve(equation, 2.0, rtol=rtol).y[-1, 0]
 
-    fine = hd.solve(equation(0.6), 2.0, rtol=1e-10).y[-1, 0]
     for rtol in (1e-5, 1e-8):
-        assert abs(hd.solve(equation(0.6), 2.0, rtol=rtol).y[-1, 0] - fine) < rtol
+        assert abs(end(0.6, rtol) - end(0.6, 1e-10)) < rtol
     with pytest.raises(ValueError, match=r"rtol must let steps begin .* take a larger rtol, or L1"):
-        hd.solve(equation(0.3), 2.0, rtol=1e-8)
+        end(0.3, 1e-8)

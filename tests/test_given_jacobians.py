@@ -13,29 +13,17 @@ pytestmark = pytest.mark.rounding
 
 def quadratic(t, y, params):
     """f_i = sum_j a_ij y_j + b_ij y_j**2; params hold a, b and factors for the Jacobian."""
-    d = y.size
-    a, b = params[: d * d].reshape(d, d), params[d * d : 2 * d * d].reshape(d, d)
-    out = np.zeros(d)
-    for i in range(d):
-        for j in range(d):
-            out[i] += a[i, j] * y[j] + b[i, j] * y[j] ** 2
-    return out
+    p = params.reshape(3, y.size, y.size)
+    return (p[0] * y + p[1] * y**2).sum(axis=1)
 
 
 def its_jacobian(t, y, params):
-    d = y.size
-    a, b = params[: d * d].reshape(d, d), params[d * d : 2 * d * d].reshape(d, d)
-    factors = params[2 * d * d :].reshape(d, d)
-    out = np.zeros((d, d))
-    for i in range(d):
-        for j in range(d):
-            out[i, j] = factors[i, j] * (a[i, j] + 2.0 * b[i, j] * y[j])
-    return out
+    p = params.reshape(3, y.size, y.size)
+    return p[2] * (p[0] + 2.0 * p[1] * y)
 
 
 def equation(a, b, factors, y0, jac=its_jacobian):
-    params = np.concatenate([a.ravel(), b.ravel(), factors.ravel()])
-    return hd.Equation(hd.Caputo(0.5), quadratic, y0, params, jac)
+    return hd.Equation(hd.Caputo(0.5), quadratic, y0, np.ravel([a, b, factors]), jac)
 
 
 @st.composite
@@ -85,24 +73,17 @@ def test_a_wrong_entry_beside_a_large_component_is_refused(size, large, factor):
 
 
 def test_a_transposed_one_and_a_missing_term_are_refused():
-    def rotation(t, y):
-        return np.array([y[1] - y[0] ** 3, -2.0 * y[0]])
-
-    def right(t, y):
-        return np.array([[-3.0 * y[0] ** 2, 1.0], [-2.0, 0.0]])
-
-    def transposed(t, y):
-        return np.array([[-3.0 * y[0] ** 2, -2.0], [1.0, 0.0]])
-
-    def lacking(t, y):
-        return np.array([[0.0, 1.0], [-2.0, 0.0]])
+    def rotation(y0, jac):
+        terms = hd.Caputo(0.5)
+        return hd.Equation(terms, lambda t, y: np.array([y[1] - y[0] ** 3, -2 * y[0]]), y0, jac=jac)
 
     for y0 in ([0.0, 0.0], [1.0, 2.0]):
-        assert hd.Equation(hd.Caputo(0.5), rotation, y0, jac=right).system.has_jac
+        right = rotation(y0, lambda t, y: np.array([[-3.0 * y[0] ** 2, 1.0], [-2.0, 0.0]]))
+        assert right.system.has_jac
         with pytest.raises(ValueError, match="check signs and whether it is transposed"):
-            hd.Equation(hd.Caputo(0.5), rotation, y0, jac=transposed)
+            rotation(y0, lambda t, y: np.array([[-3.0 * y[0] ** 2, -2.0], [1.0, 0.0]]))
     with pytest.raises(ValueError, match=r"= -3.* got 0 in row 0, column 0"):
-        hd.Equation(hd.Caputo(0.5), rotation, [1.0, 2.0], jac=lacking)
+        rotation([1.0, 2.0], lambda t, y: np.array([[0.0, 1.0], [-2.0, 0.0]]))
 
 
 def test_corners_jumps_and_edges_of_the_domain_refuse_nothing():

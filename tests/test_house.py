@@ -51,14 +51,8 @@ BUDGETS = {
     "plots": 346,
 }
 # What stands in a line without making it a line of code.
-EMPTY = {
-    tokenize.COMMENT,
-    tokenize.NL,
-    tokenize.NEWLINE,
-    tokenize.INDENT,
-    tokenize.DEDENT,
-    tokenize.ENDMARKER,
-}
+EMPTY = {tokenize.COMMENT, tokenize.NL, tokenize.NEWLINE}
+EMPTY |= {tokenize.INDENT, tokenize.DEDENT, tokenize.ENDMARKER}
 
 
 def test_each_room_keeps_to_its_budget():
@@ -93,13 +87,15 @@ def test_few_files_of_tests_import_inner_parts():
     assert sum(bool(inner.search(path.read_text())) for path in tests.rglob("*.py")) <= 12
 
 
+def decorators(node):
+    """Return the names of the decorators of a function, or none."""
+    found = getattr(node, "decorator_list", ())
+    return {getattr(getattr(each, "func", each), "id", "") for each in found}
+
+
 def test_compiled_functions_have_a_record_and_five_values_at_most():
     for path, node in NODES:
-        found = {
-            getattr(getattr(each, "func", each), "id", "")
-            for each in getattr(node, "decorator_list", ())
-        }
-        if found & DECORATORS:
+        if decorators(node) & DECORATORS:
             assert len(node.args.args) <= 6, (path, node.name)
 
 
@@ -109,8 +105,7 @@ def test_functions_that_python_calls_have_types():
         functions = [node for node in ast.walk(tree) if isinstance(node, ast.FunctionDef)]
         outer = {id(n) for f in functions for n in ast.walk(f) if n is not f}
         for node in functions:
-            names = {getattr(getattr(d, "func", d), "id", "") for d in node.decorator_list}
-            known = id(node) in outer or names & DECORATORS
+            known = id(node) in outer or decorators(node) & DECORATORS
             assert known or path.startswith("compiled") or node.returns, (path, node.name)
 
 
@@ -173,17 +168,28 @@ def test_messages_say_the_value_that_arrived():
 BY_MODULE = {"relaxation", "oscillator", "fit", "frequency_response"}
 
 
-def test_no_public_name_is_defined_twice():
+def in_several_files(pattern, place=Path, kinds=ast.Assign | ast.AnnAssign):
+    """Return the names that match a pattern and are defined in several modules, by their places."""
     places = {}
     for path, tree in TREES.items():
         for node in tree.body:
             names = [getattr(node, "name", "")]
-            if isinstance(node, ast.Assign):
-                names = [n.id for t in node.targets for n in ast.walk(t) if isinstance(n, ast.Name)]
-            for name in names:
-                if name and not name.startswith("_"):
-                    places.setdefault(name, set()).add(Path(path).name)
-    assert {name for name, where in places.items() if len(where) > 1} == BY_MODULE
+            for target in getattr(node, "targets", [getattr(node, "target", node)]):
+                stored = ast.walk(target) if isinstance(node, kinds) else ()
+                names += [each.id for each in stored if isinstance(each, ast.Name)]
+            for name in filter(re.compile(pattern).fullmatch, names):
+                places.setdefault(name, set()).add(place(path))
+    return {name for name, where in places.items() if len(where) > 1}
+
+
+def test_no_public_name_is_defined_twice():
+    """Files of one name, in several rooms, count as one."""
+    assert in_several_files(r"[^_]\w*", lambda path: Path(path).name, ast.Assign) == BY_MODULE
+
+
+def test_the_name_of_a_private_constant_stands_in_one_file():
+    """So that it says which quantity it is; letters of type variables are shared."""
+    assert in_several_files(r"_[A-Z0-9_]{2,}") == set()
 
 
 def test_each_constant_has_a_line():
@@ -192,19 +198,6 @@ def test_each_constant_has_a_line():
             if isinstance(node, ast.Assign):
                 both = node.targets[0], node.value
                 assert not all(isinstance(each, ast.Tuple) for each in both), (path, node.lineno)
-
-
-def test_the_name_of_a_private_constant_stands_in_one_file():
-    """So that it says which quantity it is; letters of type variables are shared."""
-    places = {}
-    for path, tree in TREES.items():
-        for node in tree.body:
-            if isinstance(node, (ast.Assign, ast.AnnAssign)):
-                targets = node.targets if isinstance(node, ast.Assign) else [node.target]
-                for name in [n.id for t in targets for n in ast.walk(t) if isinstance(n, ast.Name)]:
-                    if re.fullmatch(r"_[A-Z0-9_]{2,}", name):
-                        places.setdefault(name, set()).add(path)
-    assert {name: files for name, files in places.items() if len(files) > 1} == {}
 
 
 # Words that prose must not use in a sense of its own, and that names must not either.

@@ -120,12 +120,9 @@ def test_a_result_with_dense_output_is_pickled():
     assert kept.njev is kept.nlu is None
 
 
-def never(t, y):
-    return y[0] + 100.0
-
-
 def test_events_that_never_come_have_the_shapes_of_scipys():
-    how = {"t_span": (0.0, 3.0), "y0": [1.0, 2.0], "events": [never, lambda t, y: y[0] - 1.1]}
+    events = [lambda t, y: y[0] + 100.0, lambda t, y: y[0] - 1.1]
+    how = {"t_span": (0.0, 3.0), "y0": [1.0, 2.0], "events": events}
     found, expected = (solver(linear, **how) for solver in (hd.solve_ivp, solve_ivp))
     assert [rows.shape for rows in found.y_events] == [rows.shape for rows in expected.y_events]
 

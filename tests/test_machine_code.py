@@ -14,7 +14,7 @@ from pathlib import Path
 
 import pytest
 from decorators import DECORATORS
-from fresh_process import SOURCE, python
+from fresh_process import SOURCE, fresh, python
 
 from hereditary.compiled.cache import SHIPPED, Target
 
@@ -93,22 +93,32 @@ def append(path):
     path.write_text(path.read_text() + "# edited")
 
 
-@compiled
-def test_an_edit_of_what_is_compiled_compiles_anew(package, tmp_path):
-    """numba itself looks only at the file that defines the cached function."""
-    (package / "tiny.py").write_text(TINY)
+@pytest.fixture
+def tiny(package):
+    return with_tiny(package)
+
+
+def with_tiny(package, options="F8"):
+    """Add the module `tiny` to a package."""
+    (package / "tiny.py").write_text(TINY.replace("@entry(F8)", f"@entry({options})"))
     (package / "compiled" / "limit.py").write_text("LIMIT = 1.0")
+    return package
+
+
+@compiled
+def test_an_edit_of_what_is_compiled_compiles_anew(tiny, tmp_path):
+    """numba itself looks only at the file that defines the cached function."""
 
     def run(before=""):
-        return python(CALL.format(before), tmp_path / "cache", package.parent)
+        return python(CALL.format(before), tmp_path / "cache", tiny.parent)
 
     assert run() == "7.0 0 1 4.0 0 1"
     assert run(EDITED) == "7.0 1 0 4.0 1 0"  # of the code that this process loaded
     assert run() == "16.0 0 1 4.0 0 1"
-    (package / "compiled" / "limit.py").write_text("LIMIT = 2.0")  # what an inner helper reads
+    (tiny / "compiled" / "limit.py").write_text("LIMIT = 2.0")  # what an inner helper reads
     assert run() == "16.0 0 1 5.0 0 1"
     for elsewhere in ("plots/lines.py", "stepping/status.py", "analysis/table.py"):
-        append(package / elsewhere)
+        append(tiny / elsewhere)
     assert run() == "16.0 1 0 5.0 1 0"
     assert len(list((tmp_path / "cache").rglob("*tiny.*"))) == 6  # of an edit none is left over
 
@@ -147,11 +157,9 @@ def test_compiled_functions_use_files_that_compile_of_their_own_room_and_of_comp
 
 
 @compiled
-def test_code_that_is_compiled_after_an_edit_is_not_stored_as_that_of_the_edit(package, tmp_path):
-    (package / "tiny.py").write_text(TINY)
-    (package / "compiled" / "limit.py").write_text("LIMIT = 1.0")
+def test_code_that_is_compiled_after_an_edit_is_not_stored_as_that_of_the_edit(tiny, tmp_path):
     for before, expected in (EDITED, "7.0 0 1 4.0 0 1"), ("", "16.0 0 1 4.0 0 1"):
-        assert python(CALL.format(before), tmp_path / "cache", package.parent) == expected
+        assert python(CALL.format(before), tmp_path / "cache", tiny.parent) == expected
 
 
 LINKED = """
@@ -188,51 +196,32 @@ def print_all():
 def test_linked_helpers_belong_to_each_loop_and_raise_there(package, tmp_path):
     """Also where the loop comes from the disk, when standard error has nothing to tell."""
     (package / "linked.py").write_text(LINKED)
-    call = [sys.executable, "-c", "from hereditary import linked; linked.print_all()"]
-    environment = {"NUMBA_CACHE_DIR": str(tmp_path / "cache"), "PYTHONPATH": str(package.parent)}
+    call = "from hereditary import linked; linked.print_all()"
     told = "hereditary: compiling the sum, once on this machine (no installed code is used: "
     told += "this is an editable installation, or a folder of sources) ...\n"
     for message in (told, ""):
-        done = subprocess.run(
-            call,
-            env=os.environ | environment,
-            capture_output=True,
-            text=True,
-            check=False,
-        )
-        assert done.stdout == "3.0 1.5 below 0\n"
-        assert done.stderr == message
+        expected = "3.0 1.5 below 0", message
+        assert fresh(call, tmp_path / "cache", package.parent, "default") == expected
     assert not list((tmp_path / "cache").rglob("*halved*"))
 
 
 @compiled
-def test_damaged_entries_and_a_missing_folder_cost_no_more_than_time(package, tmp_path):
-    (package / "tiny.py").write_text(TINY)
-    (package / "compiled" / "limit.py").write_text("LIMIT = 1.0")
+def test_damaged_entries_and_a_missing_folder_cost_no_more_than_time(tiny, tmp_path):
     cache, code = tmp_path / "cache", CALL.format("")
-    assert python(code, cache, package.parent) == "7.0 0 1 4.0 0 1"
+    assert python(code, cache, tiny.parent) == "7.0 0 1 4.0 0 1"
     for ending in ("nbc", "nbi"):
         for path in cache.rglob(f"*.{ending}"):
             path.write_bytes(path.read_bytes()[:-20])
-        assert python(code, cache, package.parent) == "7.0 0 1 4.0 0 1"
-    assert python(code, cache, package.parent) == "7.0 1 0 4.0 1 0"
+        assert python(code, cache, tiny.parent) == "7.0 0 1 4.0 0 1"
+    assert python(code, cache, tiny.parent) == "7.0 1 0 4.0 1 0"
     nowhere = tmp_path / "file" / "cache"  # no folder can be made there, nor beside the file
     nowhere.parent.write_text("")
-    shutil.rmtree(package / "__pycache__", ignore_errors=True)
-    (package / "__pycache__").write_text("")
-    environment = {
-        "NUMBA_CACHE_DIR": str(nowhere), "HOME": str(nowhere), "XDG_CACHE_HOME": str(nowhere),
-        "PYTHONPATH": str(package.parent),
-    }  # fmt: skip
-    done = subprocess.run(
-        [sys.executable, "-W", "always", "-c", code],
-        env=os.environ | environment,
-        capture_output=True,
-        text=True,
-        check=True,
-    )
-    assert done.stdout.split()[0] == "7.0"
-    assert done.stderr.count("compiled code cannot be kept on disk") == 1
+    shutil.rmtree(tiny / "__pycache__", ignore_errors=True)
+    (tiny / "__pycache__").write_text("")
+    homes = {"HOME": str(nowhere), "XDG_CACHE_HOME": str(nowhere)}
+    printed, said = fresh(code, nowhere, tiny.parent, "always", **homes)
+    assert printed.split()[0] == "7.0"
+    assert said.count("compiled code cannot be kept on disk") == 1
 
 
 MOVED = """
@@ -246,13 +235,14 @@ cache.note_target(cache.SHIPPED)
 """
 
 
+ANNOUNCED = "F8, announced='it'"
+
+
 @pytest.fixture(scope="module")
 def carrying(tmp_path_factory):
     """A copy of the package that carries the machine code of `tiny`."""
     folder = tmp_path_factory.mktemp("carrying")
-    package = copied_package(folder)
-    (package / "tiny.py").write_text(TINY.replace("@entry(F8)", "@entry(F8, announced='it')"))
-    (package / "compiled" / "limit.py").write_text("LIMIT = 1.0")
+    package = with_tiny(copied_package(folder), ANNOUNCED)
     assert python(CALL.format(""), folder / "made", package.parent) == "7.0 0 1 4.0 0 1"
     python(MOVED, folder / "made", package.parent)
     return package
@@ -266,25 +256,13 @@ def carried(carrying, tmp_path):
 
 def run_tiny(package, cache, **more):
     """Return what a fresh process prints that calls the functions of `tiny`."""
-    places = {"NUMBA_CACHE_DIR": str(cache), "PYTHONPATH": str(package.parent)}
-    done = subprocess.run(
-        [sys.executable, "-W", "error", "-c", CALL.format("")],
-        env=os.environ | places | more,
-        capture_output=True,
-        text=True,
-        check=True,
-    )
-    return done.stdout.strip(), done.stderr
+    return fresh(CALL.format(""), cache, package.parent, "error", **more)
 
 
 def targets(package):
     """Return the file of the target, and what it says."""
-    file = targets_file(package)
+    file = package / SHIPPED.name / "made_for.json"
     return file, json.loads(file.read_text())
-
-
-def targets_file(package):
-    return package / SHIPPED.name / "made_for.json"
 
 
 CARRIED = "7.0 1 0 4.0 1 0", ""
@@ -360,8 +338,7 @@ def test_a_processor_that_the_user_chose_is_not_ignored(carried, tmp_path):
     ],
 )
 def test_an_installation_without_code_says_so(written, reason, package, tmp_path):
-    (package / "tiny.py").write_text(TINY.replace("@entry(F8)", "@entry(F8, announced='it')"))
-    (package / "compiled" / "limit.py").write_text("LIMIT = 1.0")
+    with_tiny(package, ANNOUNCED)
     (package / SHIPPED.name).mkdir()
     (package / SHIPPED.name / "none.txt").write_text(written)
     expected = told(reason.format("python -m hereditary --version"))
@@ -376,9 +353,9 @@ def test_an_installation_without_code_says_so(written, reason, package, tmp_path
 )
 @pytest.mark.parametrize("ending", ["nbc", "nbi", "json"])
 def test_damaged_files_beside_the_package_cost_a_compilation(damage, ending, carried, tmp_path):
+    reason = f"{targets(carried)[0]} is missing or damaged" if ending == "json" else OTHER
     for path in (carried / SHIPPED.name).glob(f"*.{ending}"):
         path.write_bytes(damage(path.read_bytes()))
-    reason = f"{targets_file(carried)} is missing or damaged" if ending == "json" else OTHER
     assert run_tiny(carried, tmp_path / "cache") == (COMPILED, told(reason))
 
 

@@ -46,11 +46,7 @@ def test_git_does_not_see_the_figure_of_the_demonstration_in_a_clone():
 @pytest.mark.parametrize(
     ("target", "reason", "told"),
     [
-        (
-            None,
-            "its compilation failed\nMemoryError",
-            ["none", "its compilation failed", "MemoryError"],
-        ),
+        (None, "its compilation failed\nMemoryError", ["none", "its compilation", "MemoryError"]),
         (TARGET, "it is for cpython-310", ["none", "it is for cpython-310"]),
         (TARGET, "", ["installed", "numba 0.68.1", "znver5"]),
     ],

@@ -43,6 +43,10 @@ def friction(t, x, memory):
     return -x - memory[0]
 
 
+def ageing(t):
+    return 0.5 + 0.1 * np.sin(t)
+
+
 @pytest.mark.parametrize(
     ("equation", "expected"),
     [
@@ -60,8 +64,10 @@ def friction(t, x, memory):
          "D1 y + \N{INTEGRAL} Prony(rates=(1.0,), weights=(2.0,)) y\N{PRIME} = spring(t, y)"
          "one component, from t = 0 on"),
         (hd.scenes.subdiffusion(0.5, 3), "D0.5 y = A y3 components, from t = 0 on"),
+        (hd.Equation(hd.Caputo(ageing), lambda t, y: -y, 1.0),
+         "Dageing(t) y = f(t, y)one component, from t = 0 on"),
     ],
-    ids=["two terms", "components", "memory", "RL", "matrix", "kernel", "linear"],
+    ids=["two terms", "components", "memory", "RL", "matrix", "kernel", "linear", "varying"],
 )  # fmt: skip
 def test_an_equation_is_its_formula(equation, expected):
     assert Balance(equation._repr_html_()).text == expected
@@ -78,14 +84,6 @@ def test_names_that_say_nothing_are_left_out():
     assert "ExponentialSum y" in Balance(equation._repr_html_()).text
     equation = hd.Equation(hd.Caputo(1), lambda t, y: 1j * y, 1.0 + 0j)
     assert "one component, complex" in Balance(equation._repr_html_()).text
-
-
-def test_an_order_that_varies_is_named():
-    def ageing(t):
-        return 0.5 + 0.1 * np.sin(t)
-
-    equation = hd.Equation(hd.Caputo(ageing), lambda t, y: -y, 1.0)
-    assert Balance(equation._repr_html_()).text.startswith("Dageing(t) y = f(t, y)")
 
 
 def test_a_solution_is_a_figure_and_its_numbers():

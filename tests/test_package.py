@@ -42,46 +42,17 @@ def test_examples_in_docstrings(name):
     assert doctest.testmod(module, optionflags=doctest.NORMALIZE_WHITESPACE).failed == 0
 
 
-PAGES = ["README.md"]
-PAGES += [
-    f"docs/{name}.md"
-    for name in (
-        "start",
-        "equations",
-        "functions",
-        "resuming",
-        "choosing",
-        "faq",
-        "lyapunov",
-        "step",
-        "collocation",
-        "kernels",
-        "memory_terms",
-        "varying_orders",
-        "derivatives",
-        "viscoelastic",
-        "events",
-        "cannot_see",
-        "sweeps",
-        "fitting",
-        "chaos",
-        "frequency_response",
-        "scenes",
-        "recipes",
-        "delays",
-        "distributed_memory",
-        "algebraic_rows",
-        "maps",
-        "noise",
-        "coming_from",
-        "which_derivative",
-        "large_systems",
-    )
-]
+PAGES = [
+    "start", "equations", "functions", "resuming", "choosing", "faq", "lyapunov", "step",
+    "collocation", "kernels", "memory_terms", "varying_orders", "derivatives", "viscoelastic",
+    "events", "cannot_see", "sweeps", "fitting", "chaos", "frequency_response", "scenes", "recipes", "delays",
+    "distributed_memory", "algebraic_rows", "maps", "noise", "coming_from", "which_derivative",
+    "large_systems",
+]  # fmt: skip
 
 
 @pytest.mark.estimates
-@pytest.mark.parametrize("page", PAGES)
+@pytest.mark.parametrize("page", ["README.md", *(f"docs/{name}.md" for name in PAGES)])
 def test_examples_in_pages(page, tmp_path, monkeypatch, capsys):
     """They run, and print what the page shows."""
     monkeypatch.chdir(tmp_path)  # some write files

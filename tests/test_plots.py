@@ -87,12 +87,6 @@ def test_jumps_are_drawn_upright():
     np.testing.assert_allclose(v[jumps] - v[jumps + 1], 1.0, atol=1e-9)
 
 
-def test_given_axes_are_used(oscillation):
-    _, ax = plt.subplots()
-    assert hd.plots.oscillogram(oscillation, ax) is ax
-    assert hd.plots.phase_portrait(oscillation, ax=ax) is ax
-
-
 def test_own_axes_have_the_style_of_the_package_and_given_ones_their_own(oscillation, relaxation):
     own, given = hd.plots.oscillogram(relaxation), plt.subplots()[1]
     assert own.figure.get_facecolor()[3] == own.get_facecolor()[3] == 0
@@ -101,17 +95,18 @@ def test_own_axes_have_the_style_of_the_package_and_given_ones_their_own(oscilla
     assert grey == to_rgb(own.get_legend().get_texts()[0].get_color())
     luminance = ((grey[0] + 0.055) / 1.055) ** 2.4
     assert min(1.05 / (luminance + 0.05), (luminance + 0.05) / 0.05) > 4.5  # on white, on black
-    hd.plots.oscillogram(relaxation, given)
+    assert hd.plots.oscillogram(relaxation, given) is given
     assert given.lines[0].get_linewidth() == plt.rcParams["lines.linewidth"] == 1.5
     assert given.get_legend().get_texts()[0].get_color() == "black"
+    assert hd.plots.phase_portrait(oscillation, ax=given) is given
+
+
+def legend(ax):
+    return [text.get_text() for text in ax.get_legend().get_texts()]
 
 
 def test_components_get_a_legend(relaxation):
-    ax = hd.plots.oscillogram(relaxation)
-    assert [text.get_text() for text in ax.get_legend().get_texts()] == [
-        "component 0",
-        "component 1",
-    ]
+    assert legend(hd.plots.oscillogram(relaxation)) == ["component 0", "component 1"]
 
 
 def table_of(axes, status=None, **values):
@@ -139,7 +134,7 @@ def test_lyapunov_spectrum():
     assert [cross.get_xdata().tolist() for cross in crosses(ax)] == [[1.5], [1.5]]
     assert len(ax.collections) == 1  # error bars
     assert "spring speed" in ax.get_xlabel()
-    assert [text.get_text() for text in ax.get_legend().get_texts()] == ["since 0", "late"]
+    assert legend(ax) == ["since 0", "late"]
 
 
 def test_several_exponents_are_several_lines():
@@ -171,10 +166,8 @@ def test_regime_map(tmp_path):
                      regime=regimes, certainty=[[1, 0.5], [1, np.nan], [0.0, 1]])  # fmt: skip
     ax = hd.plots.regime_map(table)
     colours = ax.collections[0].get_array()
-    legend = ax.get_legend()
-    names = [text.get_text() for text in legend.get_texts()]
-    assert names == ["stick-slip, periodic", "sliding", "stuck"]
-    stuck = np.array(to_rgb(legend.legend_handles[2].get_facecolor()))
+    assert legend(ax) == ["stick-slip, periodic", "sliding", "stuck"]
+    stuck = np.array(to_rgb(ax.get_legend().legend_handles[2].get_facecolor()))
     np.testing.assert_allclose(colours[0, 0], stuck)
     np.testing.assert_allclose(colours[2, 1], stuck)
     assert np.all(colours[2, 0] > colours[2, 1])  # paler where less certain
@@ -200,7 +193,7 @@ def test_keywords_of_matplotlib_and_components(relaxation, oscillation):
     ax = hd.plots.oscillogram(relaxation, components=1, linewidth=3.0, label="one")
     assert [line.get_linewidth() for line in ax.lines] == [3.0]
     assert np.array_equal(ax.lines[0].get_ydata(), relaxation.y[:, 1])
-    assert ax.get_legend().get_texts()[0].get_text() == "one"
+    assert legend(ax) == ["one"]
     ax = hd.plots.phase_portrait(relaxation, components=[1, 0], color="red")
     assert ax.get_xlabel() == "$y_{2}$"
     assert np.array_equal(ax.lines[0].get_xdata(), relaxation.y[:, 1])

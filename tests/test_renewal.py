@@ -208,25 +208,3 @@ def test_a_table_that_rises():
     expected = lognorm.pdf(between, 0.37, scale=4.7)
     np.testing.assert_allclose(kernel(between), expected, rtol=0, atol=0.0025)
     assert kernel(400.0) < 1e-9 * SHARES.max()
-
-
-@pytest.mark.parametrize(
-    ("make", "message"),
-    [
-        (
-            lambda: hd.Kernel.from_table(DAYS, SHARES),
-            "t must be positive, got 0 first; leave that row out",
-        ),
-        (
-            lambda: hd.Kernel.from_table(DAYS, SHARES - 0.01, signed=True),
-            "values must be positive at 4 times t > 0 or more, and 0 before and after them only",
-        ),
-        (lambda: hd.Kernel.from_table(DAYS[::-1], SHARES), "t must increase"),
-        (lambda: hd.LognormalDensity(1.5, 0.0), r"sigma must lie in \[0.05, 5\]"),
-        (lambda: hd.WeibullDensity(30.0, 1.0), r"shape must lie in \[0.1, 20\]"),
-        (lambda: hd.WeibullDensity.from_mean(5.0, 0.1), "sd must be 0.063 to 400 times the mean"),
-    ],
-)
-def test_what_is_no_density_is_refused(make, message):
-    with pytest.raises(ValueError, match=message):
-        make()

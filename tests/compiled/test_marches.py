@@ -71,68 +71,52 @@ def several(run):
     return first, again
 
 
-@pytest.mark.parametrize("name", KINDS)
-def test_marches_by_a_tolerance(name):
-    equation = KINDS[name]()
-    one, other = several(lambda: hd.solve(equation, 0.5, rtol=1e-3))
-    assert one.success
-    assert np.array_equal(one.y, other.y)
-
-
-@pytest.mark.parametrize("name", KINDS)
-def test_tangents_of_marches_by_a_tolerance(name):
-    equation = KINDS[name]()
-    one, other = several(lambda: hd.lyapunov(equation, 0.5, rtol=1e-3, k=1))
-    assert np.array_equal(one.exponents, other.exponents)
-
-
 SCHEMES = {
     "explicit": hd.ExplicitCaputo(),
     "implicit": hd.BDF(2),
     "predictor-corrector": hd.Adams(),
 }
-HISTORIES = hd.Direct(), hd.FFT(), hd.SumOfExponentials()
 # What one of these schemes does not take.
 REFUSED = {
     "implicit": {"kernel", "varying"},
     "predictor-corrector": {"kernel", "varying", "two terms"},
 }
-GIVEN = [
-    (kind, scheme) for kind in KINDS for scheme in SCHEMES if kind not in REFUSED.get(scheme, ())
-]
+WAYS = {"by a tolerance": {"rtol": 1e-3}} | {
+    name: {"n_steps": 80, "scheme": scheme} for name, scheme in SCHEMES.items()
+}
+MARCHES = [(kind, way) for kind in KINDS for way in WAYS if kind not in REFUSED.get(way, ())]
 
 
-@pytest.mark.parametrize(("name", "scheme"), GIVEN)
-def test_marches_on_given_steps(name, scheme):
-    equation, scheme = KINDS[name](), SCHEMES[scheme]
-    one, other = several(lambda: hd.solve(equation, 0.5, 80, scheme=scheme))
+def solved_twice(equation, how):
+    one, other = several(lambda: hd.solve(equation, 0.5, **how))
     assert one.success
     assert np.array_equal(one.y, other.y)
 
 
-@pytest.mark.parametrize(("name", "scheme"), GIVEN)
-def test_tangents_of_marches_on_given_steps(name, scheme):
-    equation, scheme = KINDS[name](), SCHEMES[scheme]
-    one, other = several(lambda: hd.lyapunov(equation, 0.5, 80, scheme=scheme, k=1, verify=False))
+@pytest.mark.parametrize(("name", "way"), MARCHES)
+def test_marches(name, way):
+    solved_twice(KINDS[name](), WAYS[way])
+
+
+@pytest.mark.parametrize(("name", "way"), MARCHES)
+def test_tangents(name, way):
+    equation = KINDS[name]()
+    how = WAYS[way] | ({} if "rtol" in WAYS[way] else {"verify": False})
+    one, other = several(lambda: hd.lyapunov(equation, 0.5, k=1, **how))
     assert np.array_equal(one.exponents, other.exponents)
 
 
-@pytest.mark.parametrize("history", HISTORIES, ids=repr)
-@pytest.mark.parametrize("scheme", SCHEMES)
-def test_histories_of_marches_on_given_steps(scheme, history):
-    equation, how = decay(0.5), {"scheme": SCHEMES[scheme], "history": history}
-    one, other = several(lambda: hd.solve(equation, 0.5, 80, **how))
-    assert np.array_equal(one.y, other.y)
+@pytest.mark.parametrize("history", [hd.Direct(), hd.FFT(), hd.SumOfExponentials()], ids=repr)
+@pytest.mark.parametrize("way", SCHEMES)
+def test_histories_of_marches_on_given_steps(way, history):
+    solved_twice(decay(0.5), WAYS[way] | {"history": history})
 
 
 @pytest.mark.parametrize("history", [hd.Direct(), hd.SumOfExponentials()], ids=repr)
 def test_marches_on_meshes(history):
-    how = {"mesh": hd.graded(40, 2.0), "scheme": hd.L1(), "history": history}
-    one, other = several(lambda: hd.solve(decay(0.5), 0.5, **how))
-    assert np.array_equal(one.y, other.y)
+    solved_twice(decay(0.5), {"mesh": hd.graded(40, 2.0), "scheme": hd.L1(), "history": history})
 
 
 def test_marches_with_a_linear_part():
-    equation = decay(0.5, linear=[[-10.0]])
-    one, other = several(lambda: hd.solve(equation, 0.5, 80, scheme=hd.IMEX(hd.L1())))
-    assert np.array_equal(one.y, other.y)
+    how = {"n_steps": 80, "scheme": hd.IMEX(hd.L1())}
+    solved_twice(decay(0.5, linear=[[-10.0]]), how)
