@@ -17,17 +17,13 @@ def decay(t, y, p):
     return -p[0] * y
 
 
-def swing(t, x, p):
-    return -p[0] * x
-
-
 def relaxation(alpha, rate):
     return hd.Equation(hd.Caputo(alpha), decay, 1.0, params=[rate])
 
 
 def oscillator(beta, stiffness, x0=1.0):
     terms = hd.Caputo(beta) + 0.3 * hd.Caputo(0.6)
-    return hd.Equation(terms, swing, [x0, 0.0], params=[stiffness], d=1)
+    return hd.Equation(terms, lambda t, x, p: -p[0] * x, [x0, 0.0], params=[stiffness], d=1)
 
 
 def measured(alpha=0.7, rate=1.5, t=T, noise=0.0, seed=0):
@@ -195,16 +191,12 @@ def test_outliers_are_spared():
     assert found.parameters["alpha"] == pytest.approx(0.7, abs=0.03)
 
 
-def growth(t, y, p):
-    return p[0] * y * y
-
-
 @pytest.mark.parametrize("sigma", [None, 1e-6])
 def test_runs_that_end_early_are_left_behind(sigma):
     """A first guess that blows up is far from the data, in whatever units."""
 
     def model(gain):
-        return hd.Equation(hd.Caputo(0.9), growth, 1.0, params=[gain])
+        return hd.Equation(hd.Caputo(0.9), lambda t, y, p: p[0] * y * y, 1.0, params=[gain])
 
     t = np.linspace(0.05, 1.0, 20)
     data = hd.solve(model(0.5), 1.0, rtol=1e-9, t_eval=t).y
@@ -215,11 +207,9 @@ def test_runs_that_end_early_are_left_behind(sigma):
 
 
 def test_a_fit_whose_runs_all_fail_says_why():
-    def beyond(t, y, p):
-        return p[0] + y**2
 
     def model(rate):
-        return hd.Equation(hd.Caputo(0.9), beyond, 1.0, params=[rate])
+        return hd.Equation(hd.Caputo(0.9), lambda t, y, p: p[0] + y**2, 1.0, params=[rate])
 
     with warnings.catch_warnings(record=True) as given:
         warnings.simplefilter("always")

@@ -105,12 +105,10 @@ def test_every_frequency_has_its_row(omegas):
     found = hd.frequency_response(duffing(hardening=0.0), omegas)
     assert found.complete
     assert np.array_equal(found.omega, omegas)
-    soft = hd.Equation(hd.Caputo(1.8), driven_softly, [0.0, 0.0], params=[1.0])
+    soft = hd.Equation(
+        hd.Caputo(1.8), lambda t, x, p: np.cos(p[0] * t) - 1e-4 * x, [0.0, 0.0], params=[1.0]
+    )
     assert hd.frequency_response(soft, np.linspace(0.3, 3.0, 30)).omega.size == 30
-
-
-def driven_softly(t, x, p):
-    return np.cos(p[0] * t) - 1e-4 * x
 
 
 def test_frequencies_next_to_turning_points_have_three_rows():
@@ -168,10 +166,6 @@ def test_figure():
     assert np.max(np.min(distances, axis=1)) < 1e-12
 
 
-def integrated(t, v, p):
-    return p[1] + np.cos(p[0] * t)
-
-
 def between(t, v, p):
     return np.array([np.cos(p[0] * t) - v[0] + v[1], v[0] - v[1]])
 
@@ -179,7 +173,9 @@ def between(t, v, p):
 def test_a_free_mean_is_told_and_is_0():
     """A constant phase element, and two bodies that nothing holds; a mean force has no response."""
     omegas = np.geomspace(1e-3, 1e3, 20)
-    element = hd.Equation(hd.Caputo(0.5), integrated, 0.0, params=[1.0, 0.0])
+    element = hd.Equation(
+        hd.Caputo(0.5), lambda t, v, p: p[1] + np.cos(p[0] * t), 0.0, params=[1.0, 0.0]
+    )
     bodies = hd.Equation(hd.Caputo(1.5), between, np.zeros((2, 2)), params=[1.0])
     for equation, expected in (
         (element, lambda s: [s**-0.5]),

@@ -125,15 +125,13 @@ def test_linear_solutions_are_linear_in_y0(alpha, rate, y0):
     assert rate * found.by_params[-1, 0, 0] == pytest.approx(slope / alpha, abs=2e-5)
 
 
-def ratio(t, y, p):
-    return -p[1] / p[0] * y
-
-
 @pytest.mark.parametrize("scale", [1e-10, 1e-3, 1e8])
 @pytest.mark.parametrize("how", [{"rtol": 1e-9}, {"n_steps": 400, "scheme": hd.BDF(2)}], ids=str)
 def test_the_unit_of_parameters_does_not_matter(scale, how):
     """Only p1 / p0 acts, so the derivatives by the two of them are opposite."""
-    equation = hd.Equation(hd.Caputo(0.7), ratio, 1.0, params=[scale, scale])
+    equation = hd.Equation(
+        hd.Caputo(0.7), lambda t, y, p: -p[1] / p[0] * y, 1.0, params=[scale, scale]
+    )
     found = hd.sensitivities(equation, 2.0, **how).by_params[-1, 0] * scale
     assert found == pytest.approx([0.2534105, -0.2534105], abs=1e-6)
 
@@ -221,15 +219,13 @@ def test_every_scheme_gives_the_derivative_of_its_own_rows(scheme):
         assert found.by_params[-1, :, k] == pytest.approx(by_runs, abs=1e-7)
 
 
-def relayed(t, y, p):
-    return (p[1] if t >= 1.0 else 0.5) - p[0] * y**3
-
-
 @pytest.mark.parametrize("t_end", [1.0, 2.0])
 def test_jumps_next_to_bounded_kernels(t_end):
     """Of an exponential kernel y jumps at the start and with f, and so do its derivatives."""
     term = hd.Memory(hd.Prony([1.0], [2.0]), 1)
-    equation = hd.Equation(term, relayed, 1.0, params=[0.8, 1.5])
+    equation = hd.Equation(
+        term, lambda t, y, p: (p[1] if t >= 1.0 else 0.5) - p[0] * y**3, 1.0, params=[0.8, 1.5]
+    )
     how = {"rtol": 1e-11, "breaks": [1.0]}
     found = hd.sensitivities(equation, t_end, wrt="params", **how)
     for k in range(2):
@@ -260,10 +256,6 @@ def recalling(t, y, memory, p):
     return p[1] * memory[0] * np.cos(t) - p[0] * y
 
 
-def driven_decay(t, y, p):
-    return p[1] * np.cos(t) - p[0] * y
-
-
 HOW = {"rtol": 1e-10}, {"n_steps": 100, "scheme": hd.L1()}, {"n_steps": 100}
 
 
@@ -280,7 +272,9 @@ def test_memory_that_the_right_hand_side_reads(memory, how):
 def test_rows_lie_between_steps_with_a_tolerance():
     """A gamma density makes a larger system, among whose components y and its tangents are."""
     terms = hd.Caputo(1.6) + 0.5 * hd.Memory(hd.GammaDensity(2.0, 3.0), 0)
-    equation = hd.Equation(terms, driven_decay, [1.0, 0.2], params=[1.0, 0.5])
+    equation = hd.Equation(
+        terms, lambda t, y, p: p[1] * np.cos(t) - p[0] * y, [1.0, 0.2], params=[1.0, 0.5]
+    )
     times = np.linspace(0.0, 2.0, 9)
     found = hd.sensitivities(equation, 2.0, rtol=1e-10, t_eval=times)
     assert np.array_equal(found.by_y0[0], [[1.0, 0.0]])
@@ -382,10 +376,6 @@ def test_differences_equal_tangents(reason, how):
         assert ours == pytest.approx(theirs, abs=error_of(found) * np.abs(theirs).max())
 
 
-def bent(t, y, p):
-    return -p[0] * y - p[1] * y**3
-
-
 def bent_chain(t, y, dy, p):
     dy[0], dy[1] = y[1], y[2]
     dy[2] = -p[0] * y[0] - p[1] * y[0] ** 3
@@ -394,7 +384,9 @@ def bent_chain(t, y, dy, p):
 def test_differences_of_order_3_and_their_error_where_y_bends():
     """y''(0) = 0 has no size of its own, and y grows until it ends at t = 5.3."""
     start, params = [1.0, 0.2, 0.0], [1.2, 0.7]
-    found = hd.sensitivities(hd.Equation(hd.Caputo(3), bent, start, params), 3.0)
+    found = hd.sensitivities(
+        hd.Equation(hd.Caputo(3), lambda t, y, p: -p[0] * y - p[1] * y**3, start, params), 3.0
+    )
     chain = hd.Equation(hd.Caputo(1), bent_chain, start, params)
     tangents = hd.sensitivities(chain, 3.0, rtol=1e-11)
     assert "because an order exceeds 2" in found.message

@@ -312,10 +312,6 @@ def test_progress_counts_what_is_left(monkeypatch, tmp_path):
         assert drawn(executor=pool) == drawn(progress=False) == []
 
 
-def springy(t, x, p):
-    return p[0] * np.cos(p[1] * t) - x - x**3
-
-
 def resonance(force, frequency, state):
     """Amplitude of a hardening spring with memory, 200 on from the last frequency."""
     eq, params = SPRING, [force, frequency]
@@ -328,7 +324,9 @@ def resonance(force, frequency, state):
 
 
 TERMS = hd.Caputo(2.0) + 0.2 * hd.Caputo(0.9)
-SPRING = hd.Equation(TERMS, springy, [0.0, 0.0], params=[0.8, 1.0])
+SPRING = hd.Equation(
+    TERMS, lambda t, x, p: p[0] * np.cos(p[1] * t) - x - x**3, [0.0, 0.0], params=[0.8, 1.0]
+)
 
 
 def test_sweeps_up_and_down_show_hysteresis():

@@ -360,12 +360,8 @@ def test_a_basis_of_orders_that_vary_is_refined(closest):
 # What runs share, modes and workspaces, changes no result: neither order nor threads matter
 
 
-def decay(t, y, p):
-    return -p[0] * y
-
-
 EQUATIONS = [
-    hd.Equation(operator, decay, np.ones(d), params=[rate])
+    hd.Equation(operator, lambda t, y, p: -p[0] * y, np.ones(d), params=[rate])
     for operator in (hd.Caputo(0.5), hd.Caputo(0.8), hd.Caputo(0.8) + 0.5 * hd.Caputo(0.3))
     for d, rate in ((1, 1.0), (1, 3.0), (3, 1.0))
 ]

@@ -77,10 +77,6 @@ def test_orders_next_to_the_integers(alpha):
     assert np.abs(near - there).max() < 1e-7
 
 
-def logistic(n, u, p):
-    return p[0] * u * (1 - u)
-
-
 def logistic_map(order, factor, n_steps):
     """Sums of Wu and Baleanu from 0.3 on, weights by their recurrence."""
     u = np.full(n_steps + 1, 0.3)
@@ -94,7 +90,7 @@ def logistic_map(order, factor, n_steps):
 @pytest.mark.parametrize("history", [hd.Direct(), hd.FFT(), hd.SumOfExponentials()], ids=repr)
 def test_a_map_with_memory_may_alternate_and_is_exact(order, factor, history):
     """At 2.0 and 2.2 values alternate for good; 500 steps, of which a scheme's are estimated."""
-    eq = hd.Equation(hd.Caputo(order), logistic, 0.3, params=[factor])
+    eq = hd.Equation(hd.Caputo(order), lambda n, u, p: p[0] * u * (1 - u), 0.3, params=[factor])
     sol = hd.solve(eq, 500, 500, scheme=hd.GrunwaldLetnikov(map=True), history=history)
     exact = logistic_map(order, factor, 500)
     assert sol.success

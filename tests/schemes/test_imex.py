@@ -123,10 +123,6 @@ def test_beyond_its_limit_a_run_says_so():
     assert not run.success
 
 
-def two(t, y, p):
-    return np.array([p[0] * y[1], -y[0]])
-
-
 def diagonals(t, y, p):
     return np.array([[0.0, p[0]], [0.0, 0.0], [-1.0, 0.0]])
 
@@ -137,7 +133,9 @@ def test_few_components_compile_nothing_for_another_matrix():
     def compiled(scale):
         matrix = scale * np.array([[-2.0, 1.0], [1.0, -2.0]])
         given = {"params": [scale], "linear": matrix, "bandwidth": (1, 1), "jac": diagonals}
-        equation = hd.Equation(hd.Caputo(0.7), two, [1.0, 0.0], **given)
+        equation = hd.Equation(
+            hd.Caputo(0.7), lambda t, y, p: np.array([p[0] * y[1], -y[0]]), [1.0, 0.0], **given
+        )
         return (
             equation.system.functions.code,
             hd.IMEX(hd.L1()).reduction(equation.system).functions.code,
@@ -150,11 +148,8 @@ def test_few_components_compile_nothing_for_another_matrix():
 def test_a_singular_matrix_is_named_and_a_blow_up_is_none():
     """Implicit Euler steps of 1/2 solve y' = 2 y with the matrix 1 - 1/2 * 2 = 0."""
 
-    def square(t, y):
-        return y**2
-
     for rate, status in ((2.0, hd.Status.NOT_SOLVED), (-2.0, hd.Status.BLOWN_UP)):
-        equation = hd.Equation(hd.Caputo(1.0), square, [20.0], linear=[[rate]])
+        equation = hd.Equation(hd.Caputo(1.0), lambda t, y: y**2, [20.0], linear=[[rate]])
         with pytest.warns(hd.SolveWarning):
             run = hd.solve(equation, 20.0, 40, scheme=hd.IMEX(hd.L1()))
         assert run.status is status

@@ -244,10 +244,7 @@ def test_a_table_that_rhs_reads_acts_as_the_term_of_it(seed):
     table = hd.Kernel.from_table(t, t**-power * np.exp(-rate * t) * noise)
     order = hd.Caputo((1.0, random.uniform(0.6, 1.0))[seed % 2])
 
-    def reading(t, y, m):
-        return -y - 0.8 * m[0]
-
-    read = hd.Equation(order, reading, 1.0, memory=hd.Memory(table, 0))
+    read = hd.Equation(order, lambda t, y, m: -y - 0.8 * m[0], 1.0, memory=hd.Memory(table, 0))
     term = hd.Equation(order + 0.8 * hd.Memory(table, 0), lambda t, y: -y, 1.0)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", hd.SolveWarning)

@@ -72,14 +72,12 @@ def test_order_one_is_the_second_backward_difference():
     assert np.log2(errors[0] / errors[1]) == pytest.approx(2.0, abs=0.01)
 
 
-def rotating(t, y, p):
-    return p[0] * np.array([y[1], -y[0]])
-
-
 @pytest.mark.parametrize("alpha", [0.1, 0.5, 0.9, 1.0])
 @pytest.mark.parametrize("stiffness", [0.1, 1.0, 10.0, 1e3, 1e6])
 def test_bounded_at_every_step(alpha, stiffness):
     decay = hd.scenes.relaxation(alpha, stiffness, 1.0)  # h = 1
     assert np.abs(hd.solve(decay, 400.0, 400, scheme=SCHEME).y).max() <= 1.0
-    turn = hd.Equation(hd.Caputo(alpha), rotating, [1.0, 0.0], (stiffness,))
+    turn = hd.Equation(
+        hd.Caputo(alpha), lambda t, y, p: p[0] * np.array([y[1], -y[0]]), [1.0, 0.0], (stiffness,)
+    )
     assert np.hypot(*hd.solve(turn, 400.0, 400, scheme=SCHEME).y.T).max() <= 1.0 + 1e-12

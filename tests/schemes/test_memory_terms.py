@@ -218,13 +218,9 @@ def test_the_step_limit_is_sharp():
         hd.solve(equation, 1.01 * limit * 4000, 4000)
 
 
-def swinging(t):
-    return np.exp(-0.1 * t) * np.cos(3 * t)
-
-
 OSCILLATING = {
     "pair": hd.Prony([0.1 + 3j, 0.1 - 3j], [0.5, 0.5]),
-    "function": hd.Kernel(swinging, signed=True),
+    "function": hd.Kernel(lambda t: np.exp(-0.1 * t) * np.cos(3 * t), signed=True),
 }
 # y(50) of y' + int K y = 0, y(0) = 1, in 30 digits by the system of y and two modes
 SWUNG = 0.5467356060190188

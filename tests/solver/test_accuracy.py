@@ -110,16 +110,10 @@ def test_estimates_know_what_acts_on_the_way(how):
 
 
 def test_a_delay_is_known():
-    def late(t, y, past):
-        return -past[0]
 
-    eq = hd.Equation(hd.Caputo(0.9), late, [1.0], memory=hd.Delay(1.0))
+    eq = hd.Equation(hd.Caputo(0.9), lambda t, y, past: -past[0], [1.0], memory=hd.Delay(1.0))
     sol, _ = quietly(eq, 8.0, 200)
     assert_true(sol, hd.solve(eq, 8.0, rtol=1e-9)(sol.t))
-
-
-def spring(t, y):
-    return -y
 
 
 @pytest.mark.parametrize(
@@ -129,7 +123,7 @@ def spring(t, y):
 )
 def test_chosen_rows_where_the_solution_is_small_have_the_error_of_its_size(order, y0, t_end, rows):
     """A run to 1e-4 does not know these values of y, 0 and 1e-13, relative to themselves."""
-    eq = hd.Equation(hd.Caputo(order), spring, y0)
+    eq = hd.Equation(hd.Caputo(order), lambda t, y: -y, y0)
     sol, seen = quietly(eq, t_end, 10_000, scheme=hd.BDF(2), t_eval=rows)
     assert sol.stats["error_estimate"] == 1e-4
     assert not seen

@@ -130,17 +130,15 @@ def lifted(t, y):
 at_one.change = lifted
 
 
-def level(t, y):
-    return y[0] - 0.7
-
-
 ALGEBRAIC = hd.Equation(FIRST * hd.Caputo(0.5), relaxing, [1.0, 1.0], params=[1.0])
 ALONE = hd.Equation(hd.Caputo(0.5), alone, 1.0, params=[1.0])
 TIGHT = {"rtol": 1e-9}
 
 
 def test_events_find_the_times_of_the_equation_without_the_row():
-    found, expected = (hd.solve(e, 2.0, events=level, **TIGHT) for e in (ALGEBRAIC, ALONE))
+    found, expected = (
+        hd.solve(e, 2.0, events=lambda t, y: y[0] - 0.7, **TIGHT) for e in (ALGEBRAIC, ALONE)
+    )
     assert found.t_events[0] == pytest.approx(expected.t_events[0], abs=1e-8)
 
 

@@ -14,11 +14,7 @@ C = hd.Caputo
 GIVEN = [hd.ExplicitCaputo(), hd.L1(), hd.BDF(2), hd.Adams(), hd.GrunwaldLetnikov()]
 
 
-def at_one(t, y):
-    return t - 1.0
-
-
-def event(function=at_one, change=None, **attributes):
+def event(function=(lambda t, y: t - 1.0), change=None, **attributes):
     """A new event function with these attributes."""
 
     def zero(t, y):
@@ -416,10 +412,6 @@ def test_a_ball_between_walls(how, kept):
     assert sol.y[:, 0].max() < 1.01
 
 
-def heated(t, y):
-    return np.array([y[1], 0.0])
-
-
 @pytest.mark.parametrize(("alpha", "gap"), [(1.0, 1e-3), (0.85, 1e-2), (0.75, 1e-2), (0.72, 2e-3)])
 @pytest.mark.parametrize("either", [True, False])
 def test_a_thermostat_keeps_between_its_levels(alpha, gap, either):
@@ -428,7 +420,7 @@ def test_a_thermostat_keeps_between_its_levels(alpha, gap, either):
     cold = event(lambda t, y: y[0] - 1.0 + gap, lambda t, y: np.array([y[0], 1.0]), direction=-1)
     if either:
         hot.direction = cold.direction = 0  # on its way up y passes the lower level
-    eq = hd.Equation(C([alpha, 1.0]), heated, [0.5, 1.0])
+    eq = hd.Equation(C([alpha, 1.0]), lambda t, y: np.array([y[1], 0.0]), [0.5, 1.0])
     sol = hd.solve(eq, 0.5 + gap, rtol=1e-6, events=[hot, cold])
     late = sol.t >= sol.t_events[0][0]
     assert sol.success

@@ -42,12 +42,10 @@ def test_jumps_of_the_right_hand_side(alpha, jumps):
         assert error(sol, after_jumps(alpha, jumps), rtol) <= 1
 
 
-def pushed(t, x, p):
-    return (1.0 if t > p[0] else 0.0) - x
-
-
 def test_a_jump_in_an_oscillator():
-    equation = hd.Equation(hd.Caputo(1.6), pushed, [0.0, 0.0], params=[1.0])
+    equation = hd.Equation(
+        hd.Caputo(1.6), lambda t, x, p: (1.0 if t > p[0] else 0.0) - x, [0.0, 0.0], params=[1.0]
+    )
     sol = hd.solve(equation, 6.0, rtol=1e-9, breaks=[1.0])
     rest = exact.relaxation(1.6, 1.0, [[1.0], [0.0]])
 

@@ -12,10 +12,6 @@ from hereditary import exact
 # Jumps of the right-hand side in y
 
 
-def relay(t, x):
-    return -np.sign(x)
-
-
 def switched_at(t, x, p):
     """-1, and the other sign from each of the times p on."""
     force = -1.0
@@ -53,7 +49,7 @@ def _after(times):
 def test_a_relay_keeps_its_tolerance(relayed, rtol):
     truth, times = relayed
     assert len(times) >= 3
-    sol = hd.solve(hd.Equation(TERMS, relay, [1.0, 0.0]), 8.0, rtol=rtol)
+    sol = hd.solve(hd.Equation(TERMS, lambda t, x: -np.sign(x), [1.0, 0.0]), 8.0, rtol=rtol)
     assert sol.success, sol.message
     t = np.linspace(0.0, 8.0, 500)
     off = np.abs(sol(t) - truth(t)).max()
@@ -93,15 +89,13 @@ def test_blow_up_is_told_from_what_is_not_finite(rtol):
 # Forces that come on later
 
 
-def windowed(t, y, p):
-    return -y + (1.0 if p[0] < t < p[1] else 0.0)
-
-
 @pytest.mark.parametrize("rtol", [1e-4, 1e-8])
 @pytest.mark.parametrize("width", [1.0, 5.0])
 def test_a_window_of_force_after_rest_is_seen(width, rtol):
     edges = [50.0, 50.0 + width]
-    equation = hd.Equation(hd.Caputo(1.0), windowed, 0.0, params=edges)
+    equation = hd.Equation(
+        hd.Caputo(1.0), lambda t, y, p: -y + (1.0 if p[0] < t < p[1] else 0.0), 0.0, params=edges
+    )
     t = np.linspace(0.0, 100.0, 400)
     risen = [np.where(t > edge, -np.expm1(edge - np.maximum(t, edge)), 0.0) for edge in edges]
     sol = hd.solve(equation, 100.0, rtol=rtol)

@@ -36,10 +36,8 @@ def above(t):
 
 
 def always(order):
-    def function(t):
-        return order + 0.0 * t
 
-    return hd.Caputo(function)
+    return hd.Caputo(lambda t: order + 0.0 * t)
 
 
 # Orders that vary
@@ -133,10 +131,6 @@ def test_beside_an_integer_derivative(integer):
     assert error(sol, solution, 1e-9) <= 1
 
 
-def coupled(t, y):
-    return np.array([y[1] - y[0], -y[0] - 0.5 * y[1]])
-
-
 def stepped(t, y):
     return -y + (1.0 if t < 2.5 else 3.0)
 
@@ -155,7 +149,7 @@ def test_a_constant_function_is_the_constant_order_beside(beside, order):
     """A memory of y, y' or y'', another component, or a jump of the right-hand side."""
     y0, rhs, breaks = [1.0, 0.5][: math.ceil(order)], decay, ()
     if beside == "a component":
-        y0, rhs = np.outer(y0, [1.0, 0.0]), coupled
+        y0, rhs = np.outer(y0, [1.0, 0.0]), lambda t, y: np.array([y[1] - y[0], -y[0] - 0.5 * y[1]])
         y0 = y0 if order > 1 else y0[0]
     elif beside == "a jump":
         rhs, breaks = stepped, (2.5,)

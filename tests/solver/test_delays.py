@@ -205,11 +205,9 @@ def test_other_delays(equation):
 
 
 def test_a_right_hand_side_in_python_and_a_jacobian():
-    def spoken(t, y, z, p):
-        return [p[0] * float(str(y[0])) * (1 - z[0, 0])]
 
     with pytest.warns(hd.PythonFunctionWarning):
-        called = REACTS.replace(rhs=spoken)
+        called = REACTS.replace(rhs=lambda t, y, z, p: [p[0] * float(str(y[0])) * (1 - z[0, 0])])
     assert end(called, rtol=1e-6) == pytest.approx(end(), abs=1e-6)
 
     def jac(t, y, z, p):
@@ -488,9 +486,6 @@ def test_delays_breaks_and_changes_on_a_decimal_grid(taus, order, t_start):
     times = np.linspace(0.1 * unit, end, 50)
     memory = [hd.Delay(tau) for tau in taus]
 
-    def raised(t, y):
-        return y + 0.5
-
     for k in (3, 6, 8):
         at = round(k * unit, 10)
         params = [*GAINS, 2.0, t_start + at]
@@ -498,7 +493,7 @@ def test_delays_breaks_and_changes_on_a_decimal_grid(taus, order, t_start):
             hd.Caputo(order), forced, 1.0, params, memory=memory, t_start=t_start
         )
         for lift in (0.0, 0.5):
-            how = {"changes": {t_start + at: raised}} if lift else {}
+            how = {"changes": {t_start + at: lambda t, y: y + 0.5}} if lift else {}
             found = hd.solve(equation, t_start + end, rtol=1e-7, breaks=[t_start + at], **how)
             assert found.success
             assert found.stats["n_steps"] < 400

@@ -33,10 +33,6 @@ def between(rhs):
     return lambda t, y, p: rhs(t, np.minimum(np.maximum(y, p[2]), p[3]), p)
 
 
-def tank(t, y, p):
-    return p[0] - 0.4 * y ** p[1]
-
-
 def hill(t, y, p):
     z = y ** (1 + 2 * p[1])
     return np.array([p[0] - y[0], 5.0 * z[0] / (0.2 + z[0]) - y[1] ** (0.7 + p[1])])
@@ -47,42 +43,22 @@ def cascade(t, y, p):
     return np.array([p[0] - 0.4 * z[0], 0.4 * z[0] - 0.3 * z[1], 0.3 * z[1] - 0.3 * z[2]])
 
 
-def growing(t, y, p):
-    return p[0] + np.sqrt(y) - y
-
-
-def draining(t, y, p):
-    return -p[0] * (1.0 - (-y) ** p[1])
-
-
 def logistic(t, y, p):
     return 0.2 + 0.3 * (y * (1.0 - y)) ** p[1] - 0.8 * y
 
 
-def from_the_top(t, y, p):
-    return 0.2 * (1.0 - y * y) ** p[1] - y
-
-
-def angle(t, y, p):
-    return np.arccos(y) - 1.8
-
-
-def entropy(t, y, p):
-    return -p[0] * np.log(y)
-
-
 INFINITY = 1e300
 DOMAINS = {
-    "tank": Domain(tank, 0.0, INFINITY, [0.0]),
+    "tank": Domain(lambda t, y, p: p[0] - 0.4 * y ** p[1], 0.0, INFINITY, [0.0]),
     "Hill functions": Domain(hill, 0.0, INFINITY, [0.0, 0.0]),
     "cascade": Domain(cascade, 0.0, INFINITY, [0.0, 0.0, 0.0]),
-    "growing": Domain(growing, 0.0, INFINITY, [0.0]),
-    "draining": Domain(draining, -INFINITY, 0.0, [0.0]),
+    "growing": Domain(lambda t, y, p: p[0] + np.sqrt(y) - y, 0.0, INFINITY, [0.0]),
+    "draining": Domain(lambda t, y, p: -p[0] * (1.0 - (-y) ** p[1]), -INFINITY, 0.0, [0.0]),
     "0 to 1": Domain(logistic, 0.0, 1.0, [0.0]),
     "1 to 0": Domain(logistic, 0.0, 1.0, [1.0]),
-    "-1 to 1": Domain(from_the_top, -1.0, 1.0, [1.0]),
-    "angle": Domain(angle, -1.0, 1.0, [1.0]),
-    "logarithm": Domain(entropy, 1e-3, INFINITY, [1e-3]),
+    "-1 to 1": Domain(lambda t, y, p: 0.2 * (1.0 - y * y) ** p[1] - y, -1.0, 1.0, [1.0]),
+    "angle": Domain(lambda t, y, p: np.arccos(y) - 1.8, -1.0, 1.0, [1.0]),
+    "logarithm": Domain(lambda t, y, p: -p[0] * np.log(y), 1e-3, INFINITY, [1e-3]),
 }
 WAYS = [
     {"rtol": 1e-4},

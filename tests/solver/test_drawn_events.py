@@ -55,22 +55,14 @@ def threshold(rng):
     return Drawn(hd.Equation(C1, leaking, start, params=force), t_end, [fire], [times])
 
 
-def falling(t, y, p):
-    return np.array([y[1], -p[0]])
-
-
 def bounce(rng):
     keep, g, height = rng.uniform(0.5, 0.95), 10 ** rng.uniform(-1, 1), rng.uniform(0.1, 10)
     powers = keep ** np.arange(1, rng.integers(2, 9))
     t_end, times = stop(rng, np.sqrt(2 * height / g) * np.cumsum([1, *(2 * powers)]))
     at = float(rng.integers(2))  # the height is kept, or set to 0
     floor = event(rng, lambda t, y: y[0], lambda t, y: np.array([at * y[0], -keep * y[1]]), (0, -1))
-    equation = hd.Equation(C1, falling, [height, 0.0], params=g)
+    equation = hd.Equation(C1, lambda t, y, p: np.array([y[1], -p[0]]), [height, 0.0], params=g)
     return Drawn(equation, t_end, [floor], [times])
-
-
-def flying(t, y):
-    return np.array([y[1], 0.0])
 
 
 def walls(rng):
@@ -81,7 +73,7 @@ def walls(rng):
     flip = lambda t, y: np.array([y[0], -keep * y[1]])  # noqa: E731
     right = event(rng, lambda t, y: y[0] - width, flip, (0, 1))
     left = event(rng, lambda t, y: y[0], flip, (0, -1))
-    equation = hd.Equation(C1, flying, [start, speed])
+    equation = hd.Equation(C1, lambda t, y: np.array([y[1], 0.0]), [start, speed])
     return Drawn(equation, t_end, [right, left], [times[::2], times[1::2]])
 
 
@@ -101,10 +93,6 @@ def thermostat(rng):
     return Drawn(equation, t_end, [off, on], [times[::2], times[1::2]])
 
 
-def at_rest(t, y):
-    return 0.0 * y
-
-
 def kicks(rng):
     """Zeros in time alone, in one direction or both, and of two functions at once."""
     w, phase, up = 10 ** rng.uniform(-1, 1), rng.uniform(0.01, 0.99), int(rng.integers(-1, 2))
@@ -114,7 +102,7 @@ def kicks(rng):
         event(rng, lambda t, y: np.sin(w * t - phase * np.pi), lambda t, y: y + 1.0, (up,)),
         event(rng, lambda t, y: 3.0 * np.sin(w * t - phase * np.pi), lambda t, y: 2.0 * y, (up,)),
     ]
-    return Drawn(hd.Equation(C1, at_rest, 1.0), t_end, events, [times, times])
+    return Drawn(hd.Equation(C1, lambda t, y: 0.0 * y, 1.0), t_end, events, [times, times])
 
 
 KINDS = [threshold, bounce, walls, thermostat, kicks]

@@ -12,17 +12,13 @@ import hereditary as hd
 pytestmark = pytest.mark.core
 
 
-def crossing(t, y):
-    return y[0] - 0.5
-
-
 @pytest.fixture(params=["order above 1", "complex", "events"])
 def solution(request):
     if request.param == "complex":
         equation = hd.Equation(hd.Caputo(0.8), lambda t, z: 1j * z, 1 + 0j)
         return hd.solve(equation, 1.0, 50)
     if request.param == "events":
-        return hd.solve(hd.scenes.relaxation(0.6), 3.0, rtol=1e-6, events=crossing)
+        return hd.solve(hd.scenes.relaxation(0.6), 3.0, rtol=1e-6, events=lambda t, y: y[0] - 0.5)
     return hd.solve(hd.scenes.stick_slip(), 1.0, 50)
 
 

@@ -12,10 +12,6 @@ def steady(t, y, p):
     return np.full(1, p[0])
 
 
-def falling(t, y):
-    return -y
-
-
 def power(order):
     """D^alpha x = Gamma(alpha + 1): x(0) + t x'(0) + t**alpha."""
     equation = hd.Equation(
@@ -58,7 +54,7 @@ WITH_MESHES = [
 
 
 def fall(order):
-    return hd.Equation(hd.Caputo(order), falling, [1.0] + [0.5] * (order > 1))
+    return hd.Equation(hd.Caputo(order), lambda t, y: -y, [1.0] + [0.5] * (order > 1))
 
 
 @pytest.mark.parametrize(("scheme", "order", "steps"), WITH_MESHES)

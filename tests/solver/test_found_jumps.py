@@ -28,10 +28,6 @@ def window(t, p):
     return 1.0 / p[1] if p[0] < t < p[0] + p[1] else 0.0
 
 
-def square(t, p):
-    return 1.0 if t % (5.0 + p[1]) < 0.4 * (5.0 + p[1]) else -0.5
-
-
 def ramp(t, p):
     return min(max((t - p[0]) / p[1], 0.0), 1.0)
 
@@ -48,10 +44,6 @@ def doses(t, p):
     return given
 
 
-def step(t, p):
-    return np.sin(0.3 * t) + (1.0 if t > p[0] else 0.0)
-
-
 def table(t, p):
     times = np.array([0.0, p[0] - p[1], p[0], p[0] + p[1], 200.0])
     return np.interp(t, times, np.array([0.2, 0.2, 1.0, 0.2, 0.2]))
@@ -64,13 +56,15 @@ def of_square(p):
 
 FORCES = {
     "window": Force(window, lambda p: p[0] + p[1] * np.arange(2)),
-    "square wave": Force(square, of_square),
+    "square wave": Force(
+        lambda t, p: 1.0 if t % (5.0 + p[1]) < 0.4 * (5.0 + p[1]) else -0.5, of_square
+    ),
     "ramp": Force(ramp, lambda p: p[0] + p[1] * np.arange(2), jumps=False),
     "spike": Force(spike, lambda p: p[0] + p[1] * np.arange(-2, 3), jumps=False),
     "doses": Force(
         doses, lambda p: np.add.outer(p[0] + 9.0 * np.arange(4), [0.0, 0.5 * p[1]]).ravel()
     ),
-    "step": Force(step, lambda p: p[:1]),
+    "step": Force(lambda t, p: np.sin(0.3 * t) + (1.0 if t > p[0] else 0.0), lambda p: p[:1]),
     "table": Force(table, lambda p: p[0] + p[1] * np.arange(-1, 2), jumps=False),
 }
 

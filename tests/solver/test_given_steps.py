@@ -106,10 +106,6 @@ def test_breaks_on_a_mesh_and_in_a_resumed_run():
     assert np.array_equal(later.y, whole.y[200:])
 
 
-def squared(t, y):
-    return y**2
-
-
 def reaching(level):
     def event(t, y):
         return y[0] - level
@@ -121,7 +117,7 @@ def reaching(level):
 @pytest.mark.parametrize("scheme", [hd.ExplicitCaputo(), hd.BDF(2)])
 def test_an_event_counts_though_the_run_blows_up_behind_it(scheme):
     """In the same stretch of steps; the state stands at the first step not before the event."""
-    equation = hd.Equation(hd.Caputo(1.0), squared, 1.0)
+    equation = hd.Equation(hd.Caputo(1.0), lambda t, y: y**2, 1.0)
     sol = hd.solve(equation, 2.0, 400, scheme=scheme, events=reaching(5.0))
     assert sol.status == "event"
     assert 0 <= sol.state.t - sol.t[-1] < 2.0 / 400
@@ -129,11 +125,9 @@ def test_an_event_counts_though_the_run_blows_up_behind_it(scheme):
 
 
 def test_an_event_counts_though_steps_cannot_go_on_behind_it():
-    def relay(t, y):
-        return np.where(y < 0.7, 1.0, -1.0)
 
     for order in (1.0, 0.7):
-        equation = hd.Equation(hd.Caputo(order), relay, 0.5)
+        equation = hd.Equation(hd.Caputo(order), lambda t, y: np.where(y < 0.7, 1.0, -1.0), 0.5)
         for level in (0.6, 0.69, 0.6999):
             sol = hd.solve(equation, 2.0, rtol=1e-3, events=reaching(level))
             assert sol.status == "event"
@@ -163,10 +157,7 @@ def test_dense_output_in_the_first_step_does_not_depend_on_an_event_in_it():
 def test_equal_terms_and_initial_values_share_a_plan_and_others_have_their_own():
     """A plan depends on scheme, step, terms and y(0); runs in any order give the same bits."""
 
-    def slowed(t, y, p):
-        return -p[0] * y
-
-    first = hd.Equation(hd.Caputo(0.7), slowed, 1.0, params=[1.0])
+    first = hd.Equation(hd.Caputo(0.7), lambda t, y, p: -p[0] * y, 1.0, params=[1.0])
     changed = {
         "params": first.replace(params=[2.0]),
         "y0": first.replace(y0=2.0),

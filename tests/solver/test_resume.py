@@ -18,10 +18,6 @@ def decay(t, y, p):
     return -p[0] * y
 
 
-def growth(t, y, p):
-    return p[0] * y
-
-
 def equation(rhs=decay, y0=1.0, params=(1.0,)):
     return hd.Equation(hd.Caputo(0.5), rhs, y0, params=params)
 
@@ -62,7 +58,7 @@ def test_an_adaptive_run_keeps_its_tolerances_and_modes():
     ("other", "name"),
     [
         ({"params": [5.0]}, "params"),
-        ({"rhs": growth}, "right-hand side"),
+        ({"rhs": lambda t, y, p: p[0] * y}, "right-hand side"),
         ({"y0": 7.0}, "y0"),
     ],
 )

@@ -22,10 +22,6 @@ def slow_decay(t, y):
     return -y
 
 
-def pulled(t, y, p):
-    return -p[0] * y
-
-
 def delayed(t, y, memory, p):
     return -p[0] * y - 0.5 * memory[0]
 
@@ -37,7 +33,7 @@ def delayed(t, y, memory, p):
     ids=lambda how: next(iter(how)),
 )
 def test_params_are_those_of_another_equation(how, memory):
-    given = {"rhs": delayed, "memory": memory} if memory else {"rhs": pulled}
+    given = {"rhs": delayed, "memory": memory} if memory else {"rhs": lambda t, y, p: -p[0] * y}
     equation = hd.Equation(hd.Caputo(0.8), y0=1.0, params=[1.0], **given)
     sol = hd.solve(equation, 1.0, params=[2.0], **how)
     other = hd.solve(equation.replace(params=[2.0]), 1.0, **how)

@@ -284,19 +284,10 @@ def test_slow_spirals_that_grow_are_seen():
 def test_what_is_no_instability(scheme):
     """Growth, jumps of the force, chaos, beats, and increments that are hardly floats."""
 
-    def growing(t, y):
-        return 3.0 * y
-
-    def jumping(t, y):
-        return -100.0 * y + 1e4 * np.floor(5 * t)
-
-    def beating(t, y):
-        return np.sin(10 * t) + np.sin(10.5 * t)
-
     for force, y0, t_end, n in (
-        (growing, 1e-6, 5.0, 1000),
-        (jumping, 1e-6, 5.0, 2000),
-        (beating, 0.0, 50.0, 5000),
+        (lambda t, y: 3.0 * y, 1e-6, 5.0, 1000),
+        (lambda t, y: -100.0 * y + 1e4 * np.floor(5 * t), 1e-6, 5.0, 2000),
+        (lambda t, y: np.sin(10 * t) + np.sin(10.5 * t), 0.0, 50.0, 5000),
     ):
         sol, found = warned_of(hd.Equation(hd.Caputo(0.8), force, y0), t_end, n, scheme=scheme)
         assert not found, sol.message

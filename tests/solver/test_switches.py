@@ -196,10 +196,6 @@ def test_two_switches_at_once():
     assert np.abs(sol.t_events[1] - np.arange(1, 10, 2)).max() < 1e-11
 
 
-def pulled(t, x, p):
-    return -p * np.sign(x)
-
-
 def second(t, y):
     return y[1]
 
@@ -207,7 +203,9 @@ def second(t, y):
 @pytest.mark.parametrize("ratio", [1.0, 3.0, 0.7])
 def test_switches_that_coincide_are_both_seen(ratio):
     """The same motion in two sizes."""
-    eq = hd.Equation(C(2.0), pulled, [[1.0, ratio], [0.0, 0.0]], params=[1.0, ratio])
+    eq = hd.Equation(
+        C(2.0), lambda t, x, p: -p * np.sign(x), [[1.0, ratio], [0.0, 0.0]], params=[1.0, ratio]
+    )
     sol = hd.solve(eq, 10.0, rtol=1e-9, switches=[first, second])
     assert sol.success
     assert np.abs(sol.y[:, 1] - ratio * sol.y[:, 0]).max() < 1e-7
@@ -249,10 +247,6 @@ def test_a_run_that_slides_slides_again():
         assert rest.t[-1] - sol.t[-1] < 0.02
 
 
-def square_wave(t, y):
-    return np.sign(np.sin(t))
-
-
 def sine(t, y):
     return np.sin(t)
 
@@ -260,7 +254,9 @@ def sine(t, y):
 @pytest.mark.parametrize("alpha", [0.3, 0.7, 1.0])
 @pytest.mark.parametrize("rtol", [1e-6, 1e-9, 1e-11])
 def test_a_switch_of_time_alone(alpha, rtol):
-    sol = hd.solve(hd.Equation(C(alpha), square_wave, 0.0), 10.0, rtol=rtol, switches=sine)
+    sol = hd.solve(
+        hd.Equation(C(alpha), lambda t, y: np.sign(np.sin(t)), 0.0), 10.0, rtol=rtol, switches=sine
+    )
     assert sol.success
     starts = np.pi * np.arange(4)
     exact = np.array([1.0, -2.0, 2.0, -2.0]) @ (10.0 - starts) ** alpha / gamma(1 + alpha)
@@ -272,15 +268,11 @@ def test_errors_at_a_switch_are_no_sliding(rtol):
     """Where the switch is found y errs by the tolerance; the force only grows there."""
     a, start = 0.8, 0.3
     eq = hd.Equation(C(a), lambda t, y: 1.0 + 3.0 * (y[0] > 1.0), start)
-    sol = hd.solve(eq, 1.5, rtol=rtol, switches=first_minus_1)
+    sol = hd.solve(eq, 1.5, rtol=rtol, switches=lambda t, y: y[0] - 1.0)
     assert sol.success
     tau = ((1.0 - start) * gamma(1 + a)) ** (1 / a)
     exact = start + (1.5**a + 3.0 * (1.5 - tau) ** a) / gamma(1 + a)
     assert sol.y[-1, 0] == pytest.approx(exact, rel=5 * rtol)
-
-
-def first_minus_1(t, y):
-    return y[0] - 1.0
 
 
 REST = 0.5

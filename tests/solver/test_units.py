@@ -546,12 +546,9 @@ def test_other_parameters_have_units_of_their_own():
 def test_fits_find_the_same_rate(power):
     t = np.linspace(0, 5, 21)
 
-    def relaxing(t, z, p):
-        return -p[0] * z
-
     scale = 10.0**power
     result = hd.fit(
-        lambda rate: hd.Equation(hd.Caputo(0.8), relaxing, scale, params=[rate]),
+        lambda rate: hd.Equation(hd.Caputo(0.8), lambda t, z, p: -p[0] * z, scale, params=[rate]),
         t, scale * hd.exact.relaxation(0.8, 0.7)(t), {"rate": 1.0},
     )  # fmt: skip
     assert result.parameters["rate"] == pytest.approx(0.7, rel=1e-6)
