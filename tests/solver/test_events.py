@@ -1,13 +1,14 @@
-"""Events: zeros of functions of the solution, located along an adaptive run."""
+"""Events: zeros of functions of the solution, and those drawn that change y, each once."""
 
 import pickle
+from collections.abc import Callable
+from typing import NamedTuple
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 from problems import half_order_relaxation
 from scipy.optimize import brentq
+from solver.runs import event
 
 import hereditary as hd
 
@@ -21,17 +22,6 @@ def place(t, y):
     return y[0]
 
 
-def marked(function, **attributes):
-    """The function with the attributes that SciPy's events have."""
-
-    def event(t, y):
-        return function(t, y)
-
-    for name, value in attributes.items():
-        setattr(event, name, value)
-    return event
-
-
 def zeros_of_cosine(t_end):
     k = np.arange(int(t_end / np.pi) + 1)
     zeros = (k + 0.5) * np.pi
@@ -39,37 +29,24 @@ def zeros_of_cosine(t_end):
 
 
 def test_zeros_are_located():
-    sol = hd.solve(SWING, 50.0, events=place, **PRECISE)
+    sol = hd.solve(SWING, 50.0, events=[place, event(place, direction=0)], **PRECISE)
     assert sol.status is hd.Status.COMPLETED
-    assert len(sol.t_events) == len(sol.y_events) == 1
-    np.testing.assert_allclose(sol.t_events[0], zeros_of_cosine(50.0), rtol=0, atol=1e-10)
-    assert sol.y_events[0].shape == (16, 1)
-    assert np.abs(sol.y_events[0]).max() < 1e-14
-
-
-@given(st.floats(-0.99, 0.99), st.floats(1.0, 30.0))
-def test_any_level_is_found_as_often_as_it_is_passed(level, t_end):
-    """x = cos t passes a level twice a turn, at +-arccos(level)."""
-    sol = hd.solve(SWING, t_end, rtol=1e-11, events=marked(lambda t, y: y[0] - level))
-    turns = 2 * np.pi * np.arange(7)[:, None]
-    expected = np.sort((turns + np.arccos(level) * np.array([1, -1])).ravel())
-    expected = expected[(expected > 0) & (expected <= t_end)]
-    if not np.any(np.abs(expected - t_end) < 1e-8):
-        np.testing.assert_allclose(sol.t_events[0], expected, rtol=0, atol=1e-8)
+    for times, values in zip(sol.t_events, sol.y_events, strict=True):
+        np.testing.assert_allclose(times, zeros_of_cosine(50.0), rtol=0, atol=1e-10)
+        assert values.shape == (16, 1)
+        assert np.abs(values).max() < 1e-14
 
 
 @pytest.mark.parametrize(("direction", "first"), [(1, 1.5), (-1, 0.5), (2.0, 1.5), (-0.1, 0.5)])
 def test_direction(direction, first):
     """Upwards x = cos t goes through 0 at 3 pi / 2, downwards at pi / 2."""
-    sol = hd.solve(SWING, 30.0, events=marked(place, direction=direction), **PRECISE)
+    sol = hd.solve(SWING, 30.0, events=event(place, direction=direction), **PRECISE)
     expected = (first + 2 * np.arange(5)) * np.pi
     np.testing.assert_allclose(sol.t_events[0], expected[expected < 30], rtol=0, atol=1e-10)
-    both = hd.solve(SWING, 30.0, events=marked(place, direction=0), **PRECISE)
-    np.testing.assert_allclose(both.t_events[0], zeros_of_cosine(30.0), rtol=0, atol=1e-10)
 
 
 def test_a_terminal_event_ends_the_run():
-    sol = hd.solve(SWING, 30.0, events=marked(place, terminal=True), **PRECISE)
+    sol = hd.solve(SWING, 30.0, events=event(place, terminal=True), **PRECISE)
     assert sol.status is hd.Status.EVENT
     assert sol.success
     assert "a terminal event ended the run" in sol.message
@@ -84,7 +61,7 @@ def test_a_terminal_event_ends_the_run():
 
 
 def test_rows_end_with_a_terminal_event():
-    stop, t_eval = marked(place, terminal=True), np.arange(0, 30, 0.1)
+    stop, t_eval = event(place, terminal=True), np.arange(0, 30, 0.1)
     at_times = hd.solve(SWING, 30.0, events=stop, t_eval=t_eval, **PRECISE)
     assert at_times.t.tolist() == t_eval[t_eval < np.pi / 2].tolist()
     assert at_times.t_events[0][0] == pytest.approx(np.pi / 2, abs=1e-10)
@@ -94,18 +71,13 @@ def test_rows_end_with_a_terminal_event():
 
 def test_several_events():
     """Each has its own times; a terminal one cuts all of them off."""
-    rising, slow = marked(place, direction=1), marked(lambda t, y: y[0] - 0.5)
-    never, late = marked(lambda t, y: y[0] - 2.0), marked(lambda t, y: t - 10.0, terminal=True)
+    rising, slow = event(place, direction=1), event(lambda t, y: y[0] - 0.5)
+    never, late = event(lambda t, y: y[0] - 2.0), event(lambda t, y: t - 10.0, terminal=True)
     sol = hd.solve(SWING, 30.0, events=[rising, slow, never, late], **PRECISE)
     assert sol.status is hd.Status.EVENT
     assert sol.t[-1] == pytest.approx(10.0, abs=1e-13)
     third = np.pi / 3
-    expected = [
-        [1.5 * np.pi],
-        [third, 2 * np.pi - third, 2 * np.pi + third],
-        [],
-        [10.0],
-    ]
+    expected = [[1.5 * np.pi], [third, 2 * np.pi - third, 2 * np.pi + third], [], [10.0]]
     for times, values, known in zip(sol.t_events, sol.y_events, expected, strict=True):
         np.testing.assert_allclose(times, known, rtol=0, atol=1e-10)
         assert values.shape == (len(known), 1)
@@ -113,15 +85,15 @@ def test_several_events():
 
 
 def test_of_two_terminal_events_the_first_one_counts():
-    events = [marked(lambda t, y, s=s: t - s, terminal=True) for s in (0.7, 0.3, 0.5)]
+    events = [event(lambda t, y, s=s: t - s, terminal=True) for s in (0.7, 0.3, 0.5)]
     sol = hd.solve(SWING, 1.0, events=events, **PRECISE)
     assert sol.t[-1] == pytest.approx(0.3, abs=1e-14)
     assert [times.size for times in sol.t_events] == [0, 1, 0]
 
 
 def test_events_that_never_happen():
-    for event in (lambda t, y: 1.0, lambda t, y: y[0] + 3.0, lambda t, y: -1.0 - t):
-        sol = hd.solve(SWING, 5.0, rtol=1e-6, events=event)
+    for never in (lambda t, y: 1.0, lambda t, y: y[0] + 3.0, lambda t, y: -1.0 - t):
+        sol = hd.solve(SWING, 5.0, rtol=1e-6, events=never)
         assert sol.status is hd.Status.COMPLETED
         assert sol.t_events[0].shape == (0,)
     assert hd.solve(SWING, 5.0, rtol=1e-6).t_events == []
@@ -131,8 +103,8 @@ def test_events_that_never_happen():
 def test_a_zero_at_the_end_of_a_step_counts_once(breaks):
     """A step ends at each break; t = 0 itself is no event, the end of the run is one."""
     for when, n in ((0.0, 0), (1.0, 1), (2.0, 1)):
-        event = marked(lambda t, y, when=when: t - when)
-        sol = hd.solve(SWING, 2.0, rtol=1e-8, events=event, breaks=breaks)
+        at = {"events": lambda t, y, when=when: t - when, "breaks": breaks}
+        sol = hd.solve(SWING, 2.0, rtol=1e-8, **at)
         assert sol.t_events[0].tolist() == [when] * n
 
 
@@ -157,7 +129,7 @@ def test_events_go_on_where_a_run_goes_on():
 
 def test_after_a_terminal_event_a_run_goes_on_from_it():
     """Zeros that follow soon after the one that ended the run are found by the next."""
-    fast = marked(lambda t, y: np.sin(10 * t), terminal=True)
+    fast = event(lambda t, y: np.sin(10 * t), terminal=True)
     found, state = [], None
     for _ in range(5):
         sol = hd.solve(SWING, 100.0, rtol=1e-11, events=fast, resume=state)
@@ -175,26 +147,21 @@ def test_many_zeros_in_a_step_are_told_apart():
 
 
 def test_shorter_steps_see_a_fast_event_beside_a_slow_solution():
-    equation, fast = hd.scenes.relaxation(0.5), marked(lambda t, y: np.sin(5 * t))
+    equation, fast = hd.scenes.relaxation(0.5), event(lambda t, y: np.sin(5 * t))
     expected = np.arange(1, 160) * np.pi / 5
     assert hd.solve(equation, 100.0, rtol=1e-6, events=fast).t_events[0].size < 159
     sol = hd.solve(equation, 100.0, rtol=1e-6, events=fast, max_step=2.0)
     np.testing.assert_allclose(sol.t_events[0], expected, atol=1e-12)
 
 
-@pytest.mark.parametrize("terminal", [2, np.int64(2)])
+@pytest.mark.parametrize("terminal", [2, np.int64(2), False, 0, None, 50])
 def test_a_number_of_zeros_ends_the_run(terminal):
-    sol = hd.solve(SWING, 30.0, events=marked(place, terminal=terminal), **PRECISE)
-    assert sol.status == "event"
-    np.testing.assert_allclose(sol.t_events[0], zeros_of_cosine(5.0), atol=1e-10)
-    assert sol.t[-1] == sol.t_events[0][-1]
-
-
-@pytest.mark.parametrize("terminal", [False, 0, None, 50])
-def test_what_does_not_end_the_run(terminal):
-    sol = hd.solve(SWING, 30.0, events=marked(place, terminal=terminal), rtol=1e-8)
-    assert sol.status == "completed"
-    assert sol.t_events[0].size == zeros_of_cosine(30.0).size
+    sol = hd.solve(SWING, 30.0, events=event(place, terminal=terminal), **PRECISE)
+    ended = terminal == 2
+    assert sol.status == ("event" if ended else "completed")
+    expected = zeros_of_cosine(5.0 if ended else 30.0)
+    np.testing.assert_allclose(sol.t_events[0], expected, atol=1e-10)
+    assert (sol.t[-1] == sol.t_events[0][-1]) == ended
 
 
 @pytest.mark.parametrize(
@@ -209,8 +176,8 @@ def test_one_number_of_any_shape(shape):
 @pytest.mark.parametrize("truth", [bool, np.bool_, lambda v: np.array([v])])
 def test_changes_of_a_truth_value(truth):
     """Found where it switches, in either direction, also where it is False at first."""
-    below = marked(lambda t, y: truth(y[0] < 0.5))
-    falling = marked(lambda t, y: truth(y[0] < 0.5), direction=-1)
+    below = event(lambda t, y: truth(y[0] < 0.5))
+    falling = event(lambda t, y: truth(y[0] < 0.5), direction=-1)
     sol = hd.solve(SWING, 10.0, events=[below, falling], **PRECISE)
     third = np.pi / 3
     expected = [third, 5 * third, 7 * third]
@@ -285,14 +252,14 @@ def test_a_change_may_write_into_its_y():
         return y
 
     ends = [
-        hd.solve(SWING, 4.0, rtol=1e-8, events=marked(place, change=change)).y
+        hd.solve(SWING, 4.0, rtol=1e-8, events=event(place, change=change)).y
         for change in (doubled, lambda t, y: 2.0 * y)
     ]
     assert np.array_equal(*ends)
 
 
 def test_a_terminal_event_before_a_failure_is_what_ends_the_run():
-    stop = marked(place, terminal=True)
+    stop = event(place, terminal=True)
     sol = hd.solve(SWING, 10.0, rtol=1e-8, events=[fails_after(2.0, lambda t: None), stop])
     assert sol.status is hd.Status.EVENT
     assert sol.t[-1] == pytest.approx(np.pi / 2, abs=1e-7)
@@ -303,9 +270,8 @@ def test_a_terminal_event_before_a_failure_is_what_ends_the_run():
 def test_a_run_does_not_stop_twice_at_one_zero(level, rtol):
     """The solution at the end is known by its tolerance: the zero may lie on either side of it."""
 
-    def charge():
-        event = marked(lambda t, y: y[0] - level, terminal=True)
-        return event  # another function object of the same contents: as in another process
+    def charge():  # another function object of the same contents: as in another process
+        return event(lambda t, y: y[0] - level, terminal=True)
 
     equation = hd.Equation(hd.Caputo(0.8), lambda t, y: 1.5 - y, 0.0)
     first = hd.solve(equation, 10.0, rtol=rtol, events=charge())
@@ -316,19 +282,10 @@ def test_a_run_does_not_stop_twice_at_one_zero(level, rtol):
     assert second.t_events[0].size == 0
 
 
-def test_after_a_terminal_event_its_next_zero_is_found():
-    """The one that comes from the other side, and none of the same that was passed."""
-    found, state = [], None
-    for _ in range(6):
-        sol = hd.solve(SWING, 50.0, rtol=1e-5, events=marked(place, terminal=True), resume=state)
-        found, state = [*found, *sol.t_events[0]], sol.state
-    np.testing.assert_allclose(found, zeros_of_cosine(18.0), atol=1e-2)
-
-
 def test_nothing_is_lost_before_the_first_row_asked_for():
     """Ends before it come with what there is: a state and the event."""
     swing = hd.scenes.oscillator(beta=1.5, gamma=1.0)
-    sol = hd.solve(swing, 10.0, rtol=1e-8, events=marked(place, terminal=True), t_eval=[8.0, 9.0])
+    sol = hd.solve(swing, 10.0, rtol=1e-8, events=event(place, terminal=True), t_eval=[8.0, 9.0])
     assert sol.status is hd.Status.EVENT
     assert (sol.t.shape, sol.y.shape, sol.ydot.shape) == ((0,), (0, 1), (0, 1))
     assert sol.t_events[0].size == 1
@@ -350,3 +307,151 @@ def test_signs_in_a_state_are_those_of_the_run():
     first = hd.solve(eq, 1.0, rtol=1e-8, events=below)
     below.level = 0.45
     assert hd.solve(eq, 3.0, resume=first.state, events=below).t_events[0].size == 0
+
+
+C1 = hd.Caputo(1.0)
+FORMS = {
+    "number": lambda g: g,
+    "tiny": lambda g: lambda t, y: 1e-8 * g(t, y),
+    "truth": lambda g: lambda t, y: g(t, y) > 0.0,
+    "sign": lambda g: lambda t, y: np.sign(g(t, y)),
+    "cube": lambda g: lambda t, y: g(t, y) ** 3,
+    "step": lambda g: lambda t, y: np.heaviside(g(t, y), 0.0) - 0.5,
+}
+
+
+class Drawn(NamedTuple):
+    """A problem with `n` zeros of each event before `t_end`, at the exact `times`."""
+
+    equation: hd.Equation
+    t_end: float
+    events: list[Callable]
+    times: list[np.ndarray]
+
+
+def drawn_event(rng, function, change, directions=(0,)):
+    """An event in a drawn form, with a drawn one of its directions."""
+    found = FORMS[rng.choice(list(FORMS))](function)
+    found.change, found.direction = change, int(rng.choice(directions))
+    return found
+
+
+def stop(rng, times):
+    """A time between the last two of `times`, and all times but the last."""
+    return times[-2] + rng.uniform(0.25, 0.75) * (times[-1] - times[-2]), times[:-1]
+
+
+def threshold(rng):
+    """y' = I - y up to 1, then back by a gap of 1e-8 to 1."""
+    force, start, gap = rng.uniform(1.1, 3), rng.uniform(-1, 0.9), 10 ** rng.uniform(-8, 0)
+    first, each = np.log((force - start) / (force - 1)), np.log1p(gap / (force - 1))
+    t_end, times = stop(rng, first + each * np.arange(rng.integers(2, 20)))
+    by = [lambda t, y: y - gap, lambda t, y: 0.0 * y + (1.0 - gap)][rng.integers(2)]
+    fire = drawn_event(rng, lambda t, y: y[0] - 1.0, by, (0, 1))
+    return Drawn(
+        hd.Equation(C1, lambda t, y, p: p[0] - y, start, params=force), t_end, [fire], [times]
+    )
+
+
+def bounce(rng):
+    keep, g, height = rng.uniform(0.5, 0.95), 10 ** rng.uniform(-1, 1), rng.uniform(0.1, 10)
+    powers = keep ** np.arange(1, rng.integers(2, 9))
+    t_end, times = stop(rng, np.sqrt(2 * height / g) * np.cumsum([1, *(2 * powers)]))
+    at = float(rng.integers(2))  # the height is kept, or set to 0
+    floor = drawn_event(
+        rng, lambda t, y: y[0], lambda t, y: np.array([at * y[0], -keep * y[1]]), (0, -1)
+    )
+    equation = hd.Equation(C1, lambda t, y, p: np.array([y[1], -p[0]]), [height, 0.0], params=g)
+    return Drawn(equation, t_end, [floor], [times])
+
+
+def walls(rng):
+    keep, width, speed = rng.uniform(0.7, 1), 10 ** rng.uniform(-2, 1), rng.uniform(0.5, 2)
+    n, start = rng.integers(2, 12), rng.uniform(0.1, 0.9) * width
+    flights = np.array([width - start, *(width / keep ** np.arange(1, n))]) / speed
+    t_end, times = stop(rng, np.cumsum(flights))
+    flip = lambda t, y: np.array([y[0], -keep * y[1]])  # noqa: E731
+    right = drawn_event(rng, lambda t, y: y[0] - width, flip, (0, 1))
+    left = drawn_event(rng, lambda t, y: y[0], flip, (0, -1))
+    equation = hd.Equation(C1, lambda t, y: np.array([y[1], 0.0]), [start, speed])
+    return Drawn(equation, t_end, [right, left], [times[::2], times[1::2]])
+
+
+def heated(t, y, p):
+    return np.array([(p[1] if y[1] > 0.5 else p[0]) - y[0], 0.0])
+
+
+def thermostat(rng):
+    out, hot, gap = -rng.uniform(0.5, 2), 1 + rng.uniform(0.5, 2), 10 ** rng.uniform(-6, 0)
+    start, low = rng.uniform(-1, 0.9 - gap), 1 - gap
+    down, up = np.log((1 - out) / (low - out)), np.log((hot - low) / (hot - 1))
+    more = np.resize([down, up], rng.integers(1, 15))
+    t_end, times = stop(rng, np.cumsum([np.log((hot - start) / (hot - 1)), *more]))
+    off = drawn_event(rng, lambda t, y: y[0] - 1.0, lambda t, y: np.array([y[0], 0.0]), (1,))
+    on = drawn_event(rng, lambda t, y: y[0] - low, lambda t, y: np.array([y[0], 1.0]), (-1,))
+    equation = hd.Equation(C1, heated, [start, 1.0], params=[out, hot])
+    return Drawn(equation, t_end, [off, on], [times[::2], times[1::2]])
+
+
+def kicks(rng):
+    """Zeros in time alone, in one direction or both, and of two functions at once."""
+    w, phase, up = 10 ** rng.uniform(-1, 1), rng.uniform(0.01, 0.99), int(rng.integers(-1, 2))
+    times = (phase + np.arange(rng.integers(4, 40))) * np.pi / w
+    t_end, times = stop(rng, times if up == 0 else times[(1 - up) // 2 :: 2])
+    events = [
+        drawn_event(rng, lambda t, y: np.sin(w * t - phase * np.pi), lambda t, y: y + 1.0, (up,)),
+        drawn_event(
+            rng, lambda t, y: 3.0 * np.sin(w * t - phase * np.pi), lambda t, y: 2.0 * y, (up,)
+        ),
+    ]
+    return Drawn(hd.Equation(C1, lambda t, y: 0.0 * y, 1.0), t_end, events, [times, times])
+
+
+KINDS = [threshold, bounce, walls, thermostat, kicks]
+
+
+@pytest.mark.parametrize("kind", KINDS, ids=lambda kind: kind.__name__)
+@pytest.mark.parametrize("seed", range(8))
+def test_each_zero_acts_once_by_a_tolerance(kind, seed):
+    rng = np.random.default_rng([26, seed])
+    drawn = kind(rng)
+    rtol, breaks = 10 ** rng.uniform(-10, -3), ()
+    if seed % 2:  # the run stops at some of the zeros
+        breaks = np.unique(np.concatenate(drawn.times)[:: rng.integers(1, 4)])
+    sol = hd.solve(drawn.equation, drawn.t_end, rtol=rtol, breaks=breaks, events=drawn.events)
+    assert sol.status is hd.Status.COMPLETED
+    for found, times in zip(sol.t_events, drawn.times, strict=True):
+        assert found.size == times.size
+        assert np.abs(found - times).max(initial=0.0) <= 100 * rtol * drawn.t_end
+
+
+@pytest.mark.parametrize("kind", [walls, kicks], ids=lambda kind: kind.__name__)
+@pytest.mark.parametrize("seed", range(8))
+def test_each_zero_acts_once_on_given_steps(kind, seed):
+    """Two and a half steps are between two kicks, thirty between two walls."""
+    rng = np.random.default_rng([27, seed])
+    drawn = kind(rng)
+    closest = np.diff([0.0, *np.unique(np.concatenate(drawn.times))]).min()
+    n = int(np.ceil((2.5 if kind is kicks else 30.0) * drawn.t_end / closest))
+    sol = hd.solve(drawn.equation, drawn.t_end, n, events=drawn.events, estimate=False)
+    for found, times in zip(sol.t_events, drawn.times, strict=True):
+        assert found.size == times.size
+
+
+def test_an_event_that_acts_at_each_step_is_told():
+    """A reset by 1e-3, where y rises by 1e-2 in each step."""
+    fire = event(lambda t, y: y[0] - 1.0, change=lambda t, y: y - 1e-3)
+    eq = hd.Equation(C1, lambda t, y, p: p[0] - y, 0.0, params=2.0)
+    with pytest.warns(hd.SolveWarning, match="at one step after the other from t = 0.7"):
+        sol = hd.solve(eq, 0.9, 90, events=fire, estimate=False)
+    assert sol.t_events[0].size > 15
+    assert hd.solve(eq, 0.9, rtol=1e-6, events=fire).success
+
+
+def test_two_zeros_between_two_looks_are_found():
+    """y = sin t exceeds 0.9999 for 0.03 of a time at each of its tops."""
+    top = lambda t, y: y[0] - 0.9999  # noqa: E731
+    sol = hd.solve(hd.Equation(hd.Caputo(2.0), lambda t, y: -y, [0.0, 1.0]), 30.0, events=top)
+    width = np.arccos(0.9999)
+    exact = (np.pi / 2 + 2 * np.pi * np.arange(5)[:, None] + [-width, width]).ravel()
+    assert sol.t_events[0] == pytest.approx(exact, abs=1e-4)
