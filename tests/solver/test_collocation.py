@@ -20,7 +20,7 @@ from solver.runs import completed, warned
 import hereditary as hd
 from hereditary import exact
 
-pytestmark = pytest.mark.core
+core = pytest.mark.core
 
 
 def manufactured(t, y, dy, p):
@@ -36,6 +36,7 @@ ORDERS = st.lists(st.floats(0.1, 2.0) | st.sampled_from([1.0, 2.0]), min_size=3,
 EXTRA = st.lists(st.sampled_from([0.0, 0.3, 1.0]), min_size=3, max_size=3)
 
 
+@core
 @settings(max_examples=15)
 @given(ORDERS, EXTRA)
 def test_incommensurate_systems(orders, extra):
@@ -58,6 +59,7 @@ def jacobian(t, y):
     return np.array([[1.0 - y[1], -y[0]], [y[1], y[0] - 1.0]])
 
 
+@core
 @pytest.mark.parametrize("rtol", [1e-5, 1e-10])
 def test_differences_serve_as_well_as_the_jacobian(rtol):
     plain = hd.Equation(hd.Caputo([0.6, 1.0]), predators, [1.5, 1.0])
@@ -67,6 +69,7 @@ def test_differences_serve_as_well_as_the_jacobian(rtol):
     assert other.stats["n_rhs"] < one.stats["n_rhs"]
 
 
+@core
 def test_absolute_tolerances_spare_what_is_small():
     """Errors of a decay to 1e-9 of its start stay below atol, in fewer steps than rtol takes."""
     equation, solution = proportional(hd.Caputo(1.0), 1.0, 1.0), exact.relaxation(1.0)
@@ -76,6 +79,7 @@ def test_absolute_tolerances_spare_what_is_small():
     assert coarse.stats["n_steps"] < fine.stats["n_steps"]
 
 
+@core
 def test_the_tolerance_of_the_modes_can_be_tightened():
     """By default it follows from rtol; a looser one is not used: it would look like roughness."""
     equation = hd.scenes.oscillator(1.5, 0.5)
@@ -87,12 +91,14 @@ def test_the_tolerance_of_the_modes_can_be_tightened():
     assert np.array_equal(loose.y, own.y)
 
 
+@core
 @pytest.mark.parametrize("nodes", [2, 3, 5, 12])
 def test_any_number_of_nodes_keeps_the_tolerance(nodes):
     sol = hd.solve(hd.scenes.relaxation(0.5), 5.0, rtol=1e-6, scheme=hd.Collocation(nodes=nodes))
     assert error(sol, half_order_relaxation, 1e-6) <= 10
 
 
+@core
 def test_a_term_in_two_parts_is_the_term():
     """Equal operators with equal coefficients share all but their numbers."""
 
