@@ -377,7 +377,7 @@ def test_what_carrying_needs_is_told():
     assert 'mapping with "state"' in table.status[0]
 
 
-def test_labels_and_tables_of_other_packages():
+def test_labels():
     table = hd.sweep(odd, GRID)
     assert table.shape == (4, 3)
     assert table.names == ("extremes", "place")
@@ -389,7 +389,11 @@ def test_labels_and_tables_of_other_packages():
     words = "name must be one of 'extremes', 'place', got 'b'; axes are"
     with pytest.raises(KeyError, match=words):
         table["b"]
+
+
+def test_tables_of_other_packages():
     pytest.importorskip("pandas")
+    table = hd.sweep(odd, GRID)
     frame = table.to_pandas()
     assert list(frame.index.names) == ["b", "c"]
     assert list(frame.columns) == [*(f"extremes[{k}]" for k in range(5)), "place", "status"]

@@ -319,13 +319,16 @@ def members(request):
         return hd.ensemble(equation, 2.0, 20, params=[0.5, 1e6, 2.0])
 
 
-def test_files_and_tables_of_other_packages_hold_an_ensemble(members, tmp_path):
+def test_a_file_gives_back_an_ensemble(members, tmp_path):
     members.save(tmp_path / "kept")
     found = hd.Ensemble.load(tmp_path / "kept")
     assert_same_members(found, members)
     assert found.stats["seconds"] == members.stats["seconds"]
     with pytest.raises(ValueError, match=r"a solution that Solution\.save wrote"):
         hd.Solution.load(tmp_path / "kept")
+
+
+def test_tables_of_other_packages(members):
     pytest.importorskip("pandas")
     frame = members.to_pandas()
     assert frame.index.names == ["member", "t"]
