@@ -17,17 +17,13 @@ def decay(t, y, p):
     return -p[0] * y
 
 
-def swing(t, x, p):
-    return -p[0] * x
-
-
 def relaxation(alpha, rate):
     return hd.Equation(hd.Caputo(alpha), decay, 1.0, params=[rate])
 
 
 def oscillator(beta, stiffness, x0=1.0):
     terms = hd.Caputo(beta) + 0.3 * hd.Caputo(0.6)
-    return hd.Equation(terms, swing, [x0, 0.0], params=[stiffness], d=1)
+    return hd.Equation(terms, lambda t, x, p: -p[0] * x, [x0, 0.0], params=[stiffness], d=1)
 
 
 def measured(alpha=0.7, rate=1.5, t=T, noise=0.0, seed=0):
@@ -98,18 +94,6 @@ def test_an_order_crosses_1():
     assert found.parameters == pytest.approx({"beta": 0.9, "stiffness": 1.2}, abs=1e-5)
 
 
-def test_several_series_share_parameters():
-    def both(alpha, rate, y0):
-        start = relaxation(alpha, rate)
-        return [start, start.replace(y0=y0)]
-
-    late = np.linspace(1.0, 8.0, 20)
-    data = [measured(), 3.0 * measured(t=late)]
-    found = hd.fit(both, [T, late], data, GUESS | {"y0": 1.0}, bounds=BOUNDS)
-    assert found.parameters == pytest.approx({"alpha": 0.7, "rate": 1.5, "y0": 3.0}, abs=1e-5)
-    assert [r.shape for r in found.residuals] == [(30, 1), (20, 1)]
-
-
 def test_what_is_observed():
     """A function of y, chosen components, a sequence for p0, and steps instead of a tolerance."""
 
@@ -164,7 +148,7 @@ def test_a_parameter_at_its_bound_counts_as_fixed():
     assert "At a bound: alpha" in found.message
 
 
-@pytest.mark.parametrize("scale", [1e-12, 1e-6, 1e8])
+@pytest.mark.parametrize("scale", [1e-100, 1e-12, 1e-6, 1e8, 1e60])
 def test_the_unit_of_the_data_does_not_matter(scale):
     def model(alpha, rate, y0):
         return relaxation(alpha, rate).replace(y0=y0)
@@ -195,16 +179,12 @@ def test_outliers_are_spared():
     assert found.parameters["alpha"] == pytest.approx(0.7, abs=0.03)
 
 
-def growth(t, y, p):
-    return p[0] * y * y
-
-
 @pytest.mark.parametrize("sigma", [None, 1e-6])
 def test_runs_that_end_early_are_left_behind(sigma):
     """A first guess that blows up is far from the data, in whatever units."""
 
     def model(gain):
-        return hd.Equation(hd.Caputo(0.9), growth, 1.0, params=[gain])
+        return hd.Equation(hd.Caputo(0.9), lambda t, y, p: p[0] * y * y, 1.0, params=[gain])
 
     t = np.linspace(0.05, 1.0, 20)
     data = hd.solve(model(0.5), 1.0, rtol=1e-9, t_eval=t).y
@@ -215,11 +195,8 @@ def test_runs_that_end_early_are_left_behind(sigma):
 
 
 def test_a_fit_whose_runs_all_fail_says_why():
-    def beyond(t, y, p):
-        return p[0] + y**2
-
     def model(rate):
-        return hd.Equation(hd.Caputo(0.9), beyond, 1.0, params=[rate])
+        return hd.Equation(hd.Caputo(0.9), lambda t, y, p: p[0] + y**2, 1.0, params=[rate])
 
     with warnings.catch_warnings(record=True) as given:
         warnings.simplefilter("always")
@@ -299,11 +276,12 @@ def test_parameters_of_several_series():
     def both(alpha, rate, first, second):
         return [hd.Equation(hd.Caputo(alpha), decay, y0, params=[rate]) for y0 in (first, second)]
 
-    t = np.linspace(0.1, 5.0, 30)
-    data = [y0 * measured(t=t) for y0 in (1.0, 3.0)]
+    times = [T, np.linspace(1.0, 8.0, 20)]
+    data = [y0 * measured(t=t) for y0, t in zip((1.0, 3.0), times, strict=True)]
     guess = {"alpha": 0.9, "rate": 1.0, "first": 1.2, "second": 2.0}
-    found = hd.fit(both, [t, t], data, guess, bounds={"alpha": (0.1, 1.0)})
+    found = hd.fit(both, times, data, guess, bounds={"alpha": (0.1, 1.0)})
     true = {"alpha": 0.7, "rate": 1.5, "first": 1.0, "second": 3.0}
     assert found.parameters == pytest.approx(true, abs=1e-6)
-    many = hd.fit(both, [t, t], data, guess, bounds={"alpha": (0.1, 1.0)}, max_steps=10_000)
+    assert [r.shape for r in found.residuals] == [(30, 1), (20, 1)]
+    many = hd.fit(both, times, data, guess, bounds={"alpha": (0.1, 1.0)}, max_steps=10_000)
     assert found.n_runs < 0.8 * many.n_runs

@@ -23,16 +23,28 @@ def coupled(t, x, dx, p):
     dx[1] = 0.5 * np.sin(p[0] * t) - 2.0 * x[1] + 0.3 * (x[0] - x[1])
 
 
-def duffing(force=0.3, hardening=0.5, beta=1.95, gamma=0.9, y0=(0.0, 0.0)):
-    terms = hd.Caputo(beta) + 0.1 * hd.Caputo(gamma)
+COUPLED = hd.Equation(hd.Caputo([1.7, 0.8]), coupled, np.zeros((2, 2)), params=[1.0])
+
+
+def duffing(force=0.3, hardening=0.5, beta=1.95, gamma=0.9, friction=0.1, y0=(0.0, 0.0)):
+    terms = hd.Caputo(beta) + friction * hd.Caputo(gamma)
     return hd.Equation(terms, driven, y0, params=[1.0, force, hardening])
+
+
+def settled(equation, coefficients, omega):
+    """Return the first coefficient of a march that begins at a response's own values."""
+    k, period = np.arange(coefficients.size), 2 * np.pi / omega
+    y0 = [np.sum(coefficients).real, np.sum(1j * omega * k * coefficients).real]
+    times = np.linspace(200 * period, 204 * period, 257)
+    march = equation.replace(params=[omega, *equation.params[1:]], y0=y0)
+    y = hd.solve(march, times[-1], rtol=1e-8, t_eval=times).y[:-1, 0]
+    return 2 * np.mean(y * np.exp(-1j * omega * times[:-1]))
 
 
 @settings(max_examples=25)
 @given(st.floats(1.05, 2.0), st.floats(0.05, 1.0), st.floats(0.05, 1.0))
 def test_linear_responses_are_transfer_functions(beta, gamma, friction):
-    terms = hd.Caputo(beta) + friction * hd.Caputo(gamma)
-    equation = hd.Equation(terms, driven, [0.0, 0.0], params=[1.0, 0.7, 0.0])
+    equation = duffing(0.7, 0.0, beta, gamma, friction)
     omegas = np.linspace(0.2, 3.0, 12)
     found = hd.frequency_response(equation, omegas, harmonics=3)
     s = 1j * omegas
@@ -48,23 +60,27 @@ def test_linear_responses_are_transfer_functions(beta, gamma, friction):
 
 def test_values_that_the_force_reads_are_those_of_now():
     stiffness = 1.0
-
-    def force(t, x, p):
-        return np.cos(p[0] * t) - stiffness * x
-
+    force = lambda t, x, p: np.cos(p[0] * t) - stiffness * x  # noqa: E731
     equation = hd.Equation(hd.Caputo(1.8), force, [0.0, 0.0], params=[1.0])
     for stiffness in (1.0, 3.0):
         found = hd.frequency_response(equation, [1.0], harmonics=1)
         assert found.coefficients[0, 0, 1] == pytest.approx(1 / (1j**1.8 + stiffness), rel=1e-12)
 
 
-def test_coupled_components_of_different_orders():
-    equation = hd.Equation(hd.Caputo([1.7, 0.8]), coupled, [[0.0, 0.0], [0.0, 0.0]], params=[1.0])
+MATRIX = np.array([[1.0, 0.2], [-0.3, 1.0]])
+BEHIND_MATRIX = hd.Equation(MATRIX * hd.Caputo(0.8), coupled, [0.0, 0.0], params=[1.0])
+
+
+@pytest.mark.parametrize(
+    ("equation", "left"),
+    [(COUPLED, lambda s: np.diag([s**1.7, s**0.8])), (BEHIND_MATRIX, lambda s: MATRIX * s**0.8)],
+    ids=["different orders", "a matrix"],
+)
+def test_coupled_components(equation, left):
     omegas = np.array([2.5, 1.2, 0.4])
     found = hd.frequency_response(equation, omegas, harmonics=2)
     for omega, coefficients in zip(omegas, found.coefficients, strict=True):
-        s = 1j * omega
-        matrix = np.array([[s**1.7 + 1.3, -0.3], [-0.3, s**0.8 + 2.3]])
+        matrix = left(1j * omega) + np.array([[1.3, -0.3], [-0.3, 2.3]])
         assert np.allclose(coefficients[:, 1], np.linalg.solve(matrix, [1.0, -0.5j]), atol=1e-12)
 
 
@@ -79,16 +95,8 @@ def test_marches_settle_on_both_branches():
     assert found.branch[chosen].tolist() == [0, 1, 2]
     assert np.all(np.diff(found.amplitude[chosen, 0]) < 0)
     for k in (chosen[0], chosen[2]):
-        omega = found.omega[k]
-        start = found.coefficients[k, 0]
-        orders = np.arange(start.size)
-        y0 = [np.sum(start).real, np.sum(1j * orders * omega * start).real]
-        period = 2 * np.pi / omega
-        times = np.linspace(200 * period, 204 * period, 257)
-        march = duffing(y0=y0).replace(params=[omega, 0.3, 0.5])
-        y = hd.solve(march, 204 * period, rtol=1e-8, t_eval=times).y[:-1, 0]
-        settled = 2 * np.mean(y * np.exp(-1j * omega * times[:-1]))
-        assert abs(settled) == pytest.approx(found.amplitude[k, 0], rel=2e-4)
+        found_by_march = abs(settled(equation, found.coefficients[k, 0], found.omega[k]))
+        assert found_by_march == pytest.approx(found.amplitude[k, 0], rel=2e-4)
 
 
 def test_the_curve_does_not_depend_on_its_direction():
@@ -105,12 +113,10 @@ def test_every_frequency_has_its_row(omegas):
     found = hd.frequency_response(duffing(hardening=0.0), omegas)
     assert found.complete
     assert np.array_equal(found.omega, omegas)
-    soft = hd.Equation(hd.Caputo(1.8), driven_softly, [0.0, 0.0], params=[1.0])
+    soft = hd.Equation(
+        hd.Caputo(1.8), lambda t, x, p: np.cos(p[0] * t) - 1e-4 * x, [0.0, 0.0], params=[1.0]
+    )
     assert hd.frequency_response(soft, np.linspace(0.3, 3.0, 30)).omega.size == 30
-
-
-def driven_softly(t, x, p):
-    return np.cos(p[0] * t) - 1e-4 * x
 
 
 def test_frequencies_next_to_turning_points_have_three_rows():
@@ -125,8 +131,7 @@ def test_frequencies_next_to_turning_points_have_three_rows():
 
 
 def test_a_narrow_peak_is_passed():
-    terms = hd.Caputo(2.0) + 1e-4 * hd.Caputo(1.0)
-    equation = hd.Equation(terms, driven, [0.0, 0.0], params=[1.0, 1.0, 0.0])
+    equation = duffing(1.0, 0.0, 2.0, 1.0, 1e-4)
     found = hd.frequency_response(equation, np.linspace(0.3, 3.0, 28), harmonics=1)
     assert found.complete
     s = 1j * found.omega
@@ -146,8 +151,7 @@ def test_more_harmonics_change_little():
 
 def test_the_quality_factor_of_a_classical_oscillator():
     """Of weak damping 2 zeta: 1 / (2 zeta), to second order in it."""
-    terms = hd.Caputo(2.0) + 0.02 * hd.Caputo(1.0)
-    equation = hd.Equation(terms, driven, [0.0, 0.0], params=[1.0, 1.0, 0.0])
+    equation = duffing(1.0, 0.0, 2.0, 1.0, 0.02)
     found = hd.frequency_response(equation, np.linspace(0.9, 1.1, 401), harmonics=1)
     assert found.quality() == pytest.approx(50.0, rel=0.01)
     narrow = hd.frequency_response(equation, np.linspace(0.999, 1.001, 11), harmonics=1)
@@ -168,10 +172,6 @@ def test_figure():
     assert np.max(np.min(distances, axis=1)) < 1e-12
 
 
-def integrated(t, v, p):
-    return p[1] + np.cos(p[0] * t)
-
-
 def between(t, v, p):
     return np.array([np.cos(p[0] * t) - v[0] + v[1], v[0] - v[1]])
 
@@ -179,7 +179,9 @@ def between(t, v, p):
 def test_a_free_mean_is_told_and_is_0():
     """A constant phase element, and two bodies that nothing holds; a mean force has no response."""
     omegas = np.geomspace(1e-3, 1e3, 20)
-    element = hd.Equation(hd.Caputo(0.5), integrated, 0.0, params=[1.0, 0.0])
+    element = hd.Equation(
+        hd.Caputo(0.5), lambda t, v, p: p[1] + np.cos(p[0] * t), 0.0, params=[1.0, 0.0]
+    )
     bodies = hd.Equation(hd.Caputo(1.5), between, np.zeros((2, 2)), params=[1.0])
     for equation, expected in (
         (element, lambda s: [s**-0.5]),
@@ -251,8 +253,7 @@ def test_transforms_of_kernels_are_their_integrals(kernel, real, imaginary):
 
 
 @pytest.mark.parametrize(
-    ("kernel", "m"),
-    [*itertools.product(KERNELS[:4], [1, 2]), (KERNELS[0], 0), (KERNELS[1], 0)],
+    ("kernel", "m"), [*itertools.product(KERNELS[:4], [1, 2]), (KERNELS[0], 0), (KERNELS[1], 0)]
 )
 def test_linear_responses_with_kernels(kernel, m):
     terms = hd.Caputo(2.0) + 0.3 * hd.Caputo(1.0) + 0.2 * hd.Memory(kernel, m)
@@ -264,11 +265,10 @@ def test_linear_responses_with_kernels(kernel, m):
 
 
 def test_a_fitted_sum_stands_for_a_kernel():
-    exact, terms = hd.MittagLeffler(0.6, 1.5), hd.Caputo(2.0) + 0.3 * hd.Caputo(1.0)
+    exact, base = hd.MittagLeffler(0.6, 1.5), duffing(1.0, 0.2, 2.0, 1.0, 0.3)
     both = [
         hd.frequency_response(
-            hd.Equation(terms + hd.Memory(kernel, 1), driven, [0.0, 0.0], params=[1.0, 1.0, 0.2]),
-            [0.5, 1.0],
+            base.replace(terms=[*base.terms, hd.Memory(kernel, 1)]), [0.5, 1.0]
         ).coefficients
         for kernel in (exact, hd.fit_exponentials(exact, 1e-8, 1e8, 1e-9))
     ]
@@ -284,29 +284,14 @@ def test_memory_that_the_right_hand_side_reads():
     read = hd.Equation(
         hd.Caputo(1.9), reads_friction, [0.0, 0.0], params=[1.0, 0.5, 0.0], memory=hd.Caputo(0.8)
     )
-    terms = hd.Caputo(1.9) + 0.2 * hd.Caputo(0.8)
-    written = hd.Equation(terms, driven, [0.0, 0.0], params=[1.0, 0.5, 0.0])
+    written = duffing(0.5, 0.0, 1.9, 0.8, 0.2)
     omegas = np.linspace(0.5, 2.0, 6)
     one, other = (hd.frequency_response(eq, omegas).coefficients for eq in (read, written))
     assert np.allclose(one, other, atol=1e-12)
     found = hd.frequency_response(read.replace(params=[1.0, 0.5, 0.4]), [1.1], harmonics=11)
-    start, k = found.coefficients[0, 0], np.arange(12)
-    y0 = [np.sum(start).real, np.sum(1.1j * k * start).real]
-    period = 2 * np.pi / 1.1
-    times = np.linspace(200 * period, 204 * period, 257)
-    march = read.replace(params=[1.1, 0.5, 0.4], y0=y0)
-    y = hd.solve(march, times[-1], rtol=1e-8, t_eval=times).y[:-1, 0]
-    settled = 2 * np.mean(y * np.exp(-1.1j * times[:-1]))
-    assert abs(settled - start[1]) < 2e-4 * abs(start[1])
-
-
-def test_matrix_coefficients():
-    matrix = np.array([[1.0, 0.2], [-0.3, 1.0]])
-    equation = hd.Equation(matrix * hd.Caputo(0.8), coupled, [0.0, 0.0], params=[1.0])
-    found = hd.frequency_response(equation, [0.7, 1.3], harmonics=2)
-    for omega, coefficients in zip(found.omega, found.coefficients, strict=True):
-        left = matrix * (1j * omega) ** 0.8 + np.array([[1.3, -0.3], [-0.3, 2.3]])
-        assert np.allclose(coefficients[:, 1], np.linalg.solve(left, [1.0, -0.5j]), atol=1e-12)
+    start = found.coefficients[0, 0]
+    by_march = settled(read.replace(params=[1.0, 0.5, 0.4]), start, 1.1)
+    assert abs(by_march - start[1]) < 2e-4 * abs(start[1])
 
 
 def test_the_curve_follows_another_parameter():
@@ -333,8 +318,7 @@ def test_the_curve_follows_another_parameter():
 def test_peaks_lie_between_frequencies():
     """Of classical resonance: at sqrt(1 - 2 zeta**2), 1 / (2 zeta sqrt(1 - zeta**2)) high."""
     zeta = 0.1
-    terms = hd.Caputo(2.0) + 2 * zeta * hd.Caputo(1.0)
-    equation = hd.Equation(terms, driven, [0.0, 0.0], params=[1.0, 1.0, 0.0])
+    equation = duffing(1.0, 0.0, 2.0, 1.0, 2 * zeta)
     found = hd.frequency_response(equation, np.linspace(0.8, 1.2, 41), harmonics=1)
     omega, height = found.peak()
     assert omega == pytest.approx(np.sqrt(1 - 2 * zeta**2), abs=1e-4)
@@ -356,8 +340,7 @@ def test_peaks_beside_folds_do_not_depend_on_the_frequencies_asked_for(force):
 
 
 def test_several_components_have_a_legend():
-    equation = hd.Equation(hd.Caputo([1.7, 0.8]), coupled, [[0.0, 0.0], [0.0, 0.0]], params=[1.0])
-    found = hd.frequency_response(equation, [0.5, 1.0, 1.5], harmonics=2)
+    found = hd.frequency_response(COUPLED, [0.5, 1.0, 1.5], harmonics=2)
     ax = hd.plots.frequency_response(found, components=[0, 1], label="x")
     texts = [text.get_text() for text in ax.get_legend().get_texts()]
     assert texts == ["x, component 0", "x, component 1"]

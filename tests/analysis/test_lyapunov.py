@@ -273,15 +273,6 @@ def test_pair_equals_tangent():
         assert np.abs(tangent.exponents - pair.exponents).max() < 1e-5
 
 
-def test_exponential_modes_equal_direct_sums_to_their_tolerance():
-    for tol, bound in ((1e-6, 1e-4), (1e-10, 1e-8)):
-        modes = hd.SumOfExponentials(tol)
-        arguments = (hd.scenes.lorenz(alpha=0.95), 10.0, 2000, 3)
-        difference = alone(*arguments, scheme=EXPLICIT, history=modes).trace
-        difference -= alone(*arguments, scheme=EXPLICIT, history=DIRECT).trace
-        assert 0 < np.abs(difference).max() < bound
-
-
 def test_orders_tending_to_one_tend_to_the_classical_exponents():
     """On a limit cycle: a chaotic orbit would amplify the difference.
 
@@ -401,18 +392,6 @@ def test_a_diverging_orbit_is_reported_with_its_record(mode):
     assert np.all(np.isfinite(result.trace))
 
 
-def test_a_failing_right_hand_side_keeps_the_record():
-    def late(t, y):
-        if t > 3.0:
-            raise ValueError("too late")
-        return -y
-
-    with pytest.warns(hd.SolveWarning, match="too late"):
-        result = alone(hd.Equation(hd.Caputo(0.9), late, 1.0), 5.0, 5000)
-    assert result.status is hd.Status.RHS_FAILED
-    assert 2.9 < result.times[-1] <= 3.0
-
-
 def test_too_long_an_interval_is_told():
     equation = hd.Equation(hd.Caputo(1.0), lambda t, y: 100.0 * y, 1.0)
     steady = hd.Equation(
@@ -452,11 +431,6 @@ def test_interrupted_run_keeps_its_record():
 def test_bad_arguments_are_refused(arguments, error, message):
     with pytest.raises(error, match=message):
         hd.lyapunov(hd.scenes.stick_slip(), 20.0, 2000, **arguments)
-
-
-def test_a_given_jacobian_shows_the_decay():
-    exact = hd.Equation(hd.Caputo(0.9), spring, 1.0, jac=lambda t, y: np.array([[-1.0]]))
-    assert alone(exact, 20.0, 2000).exponents[0] < 0
 
 
 @pytest.mark.parametrize("how", [{"scheme": hd.BDF(2)}, {"scheme": hd.Collocation(), "rtol": 1e-6}])

@@ -108,10 +108,7 @@ def stop_in_the_middle(code, store, number):
 
 @pytest.mark.parametrize(
     ("code", "number", "printed"),
-    [
-        (SCRIPT, signal.SIGKILL, ""),
-        (PROCESSES, signal.SIGINT, "ended completed,not computed"),
-    ],
+    [(SCRIPT, signal.SIGKILL, ""), (PROCESSES, signal.SIGINT, "ended completed,not computed")],
     ids=["killed", "interrupted with its workers"],
 )
 @pytest.mark.usefixtures("ctrl_c")
@@ -174,12 +171,7 @@ def test_another_grid_is_refused(tmp_path, axes):
 
 @pytest.mark.parametrize(
     "content",
-    [
-        b"x,y\n1,2\n",
-        b"no line",
-        b'{"axes":{}}\n',
-        b"\xff\n",
-    ],
+    [b"x,y\n1,2\n", b"no line", b'{"axes":{}}\n', b"\xff\n"],
     ids=lambda content: repr(content[-30:]),
 )
 def test_other_files_are_left_alone(tmp_path, content):

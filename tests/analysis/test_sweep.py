@@ -1,4 +1,4 @@
-"""Sweeps: the same bits from every executor and in every order, failures, interruption."""
+"""Sweeps: the same bits from every executor and in every order, failures, and their tables."""
 
 import io
 import math
@@ -312,10 +312,6 @@ def test_progress_counts_what_is_left(monkeypatch, tmp_path):
         assert drawn(executor=pool) == drawn(progress=False) == []
 
 
-def springy(t, x, p):
-    return p[0] * np.cos(p[1] * t) - x - x**3
-
-
 def resonance(force, frequency, state):
     """Amplitude of a hardening spring with memory, 200 on from the last frequency."""
     eq, params = SPRING, [force, frequency]
@@ -328,7 +324,9 @@ def resonance(force, frequency, state):
 
 
 TERMS = hd.Caputo(2.0) + 0.2 * hd.Caputo(0.9)
-SPRING = hd.Equation(TERMS, springy, [0.0, 0.0], params=[0.8, 1.0])
+SPRING = hd.Equation(
+    TERMS, lambda t, x, p: p[0] * np.cos(p[1] * t) - x - x**3, [0.0, 0.0], params=[0.8, 1.0]
+)
 
 
 def test_sweeps_up_and_down_show_hysteresis():
@@ -377,3 +375,37 @@ def test_each_row_carries_its_own_state(tmp_path, processes):
 def test_what_carrying_needs_is_told():
     table = hd.sweep(lambda a, state: a, {"a": [1.0]}, carry=True)
     assert 'mapping with "state"' in table.status[0]
+
+
+def test_labels():
+    table = hd.sweep(odd, GRID)
+    assert table.shape == (4, 3)
+    assert table.names == ("extremes", "place")
+    assert table["extremes"].shape == (4, 3, 5)
+    assert table["place"] is table.values["place"]
+    assert table.success.tolist() == (table.status == "completed").tolist()
+    assert table.success.sum() == 4
+    assert repr(table) == "Table(extremes, place over b (4), c (3); 4 of 12 completed)"
+    words = "name must be one of 'extremes', 'place', got 'b'; axes are"
+    with pytest.raises(KeyError, match=words):
+        table["b"]
+
+
+def test_tables_of_other_packages():
+    pytest.importorskip("pandas")
+    table = hd.sweep(odd, GRID)
+    frame = table.to_pandas()
+    assert list(frame.index.names) == ["b", "c"]
+    assert list(frame.columns) == [*(f"extremes[{k}]" for k in range(5)), "place", "status"]
+    assert len(frame) == 12
+    assert frame.loc[(GRID["b"][2], 50.0), "extremes[2]"] == table["extremes"][2, 2, 2]
+    assert frame["status"].tolist() == table.status.ravel().tolist()
+    single = hd.sweep(lambda n: {"m": np.full((1, 2), float(n))}, {"n": [1, 2]}).to_pandas()
+    assert single.index.name == "n"
+    assert single["m[0, 1]"].tolist() == [1.0, 2.0]
+    pytest.importorskip("xarray")
+    data = table.to_xarray()
+    assert data["extremes"].dims == ("b", "c", "extremes_0")
+    assert dict(data.sizes) == {"b": 4, "c": 3, "extremes_0": 5}
+    assert data["place"].sel(b=0.5, c=50.0).item() == table["place"][0, 2]
+    assert (data["status"].values == table.status).all()

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from scipy.special import erfcx, gamma, rgamma
+from scipy.special import gamma, rgamma
 
 from hereditary.collocation.first_rule import (
     LEFT_OUT,
@@ -102,17 +102,6 @@ def test_integrals_of_powers(generators, orders):
         np.testing.assert_allclose(rule.check_integrals @ seen, integrals, atol=3e-12)
         np.testing.assert_allclose(rule.check_values @ seen, at, atol=1e-11)
         np.testing.assert_allclose(means_at_nodes(variable) @ seen, seen / (e + 1), atol=3e-12)
-
-
-def test_a_solution_of_order_one_half():
-    """y = erfcx(sqrt(t)): its values, and ``J**0.5 y = 1 - y``."""
-    variable = Variable.of((0.5,))
-    values = erfcx(np.exp(0.5 * node_logs(variable)))
-    np.testing.assert_allclose(
-        functions(variable, LOGS) @ values, erfcx(np.exp(0.5 * LOGS)), atol=1e-13
-    )
-    integral = first_rule(variable, (0.5, 1.0)).integrals[0] @ values
-    np.testing.assert_allclose(integral, 1 - values, atol=1e-13)
 
 
 @given(st.floats(-0.9, 2), st.floats(-0.9, 2))

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from problems import errors, observed_order, singular_problem
+from solver.runs import errors_of
 
 import hereditary as hd
 from hereditary.exact import oscillator
@@ -51,15 +52,10 @@ def test_lower_terms_keep_the_order_of_bdf_with_a_speed_at_0(beta, p, gamma, ste
     equation = hd.Equation(
         [hd.Caputo(beta), 0.25 * hd.Caputo(gamma)], _coupled, starts.T, matrix.ravel()
     )
-    found = []
-    for n in steps:
-        sol = hd.solve(
-            equation, 10.0, n, scheme=hd.BDF(p), history=hd.SumOfExponentials(1e-13), t_eval=t
-        )
-        found.append(np.abs(sol.y - true).max())
+    how = {"scheme": hd.BDF(p), "history": hd.SumOfExponentials(1e-13), "t_eval": t}
+    found = errors_of(lambda sol: sol.y, true, steps, equation, 10.0, **how)
     if len(steps) > 1:
         assert np.log2(found[-2] / found[-1]) == pytest.approx(p, abs=0.15), found
-
     assert found[-1] < bound
 
 

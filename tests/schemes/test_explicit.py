@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from problems import PROBLEMS, observed_order
 from scipy.special import rgamma
+from solver.runs import at_end, errors_of
 
 import hereditary as hd
 
@@ -65,12 +66,9 @@ ERRORS = {
 
 @pytest.mark.parametrize("problem", [p for p in PROBLEMS if p.name in ERRORS], ids=lambda p: p.name)
 def test_order_and_error(problem):
-    steps = [400, 800, 1600]
-    equation = problem.equation()
-    errors = []
-    for n in steps:
-        y = hd.solve(equation, problem.t_end, n, save_every=n).y[-1]
-        errors.append(np.abs(y - problem.exact(np.array([problem.t_end]))[0]).max())
+    steps, equation = [400, 800, 1600], problem.equation()
+    end = problem.exact(np.array([problem.t_end]))[0]
+    errors = errors_of(at_end, end, steps, equation, problem.t_end)
     order = observed_order(steps, errors)
     smoothness = "singular" if problem.name == "oscillator 1.5 0.5" else "smooth"
     expected = SCHEME.order(float(equation.system.highest_orders().max()), smoothness)

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from scipy.special import binom
+from solver.runs import at_end, errors_of
 
 import hereditary as hd
 
@@ -27,10 +28,6 @@ def printed_scheme(terms, force, x0, v0, h, n_steps):
     return x
 
 
-def swinging(t, x):
-    return np.cos(t) - np.sin(2 * x)
-
-
 @pytest.mark.parametrize("history", HISTORIES, ids=repr)
 @pytest.mark.parametrize(
     "terms",
@@ -48,22 +45,19 @@ def swinging(t, x):
 def test_is_the_printed_scheme(terms, history):
     h, n = 0.02, 300
     y0 = 0.2 if max(alpha for _, alpha in terms) <= 1 else [0.2, 0.7]
-    equation = hd.Equation([c * hd.Caputo(alpha) for c, alpha in terms], swinging, y0)
-    expected = printed_scheme(terms, swinging, 0.2, 0.7, h, n)
+    equation = hd.Equation(
+        [c * hd.Caputo(alpha) for c, alpha in terms], lambda t, x: np.cos(t) - np.sin(2 * x), y0
+    )
+    expected = printed_scheme(terms, lambda t, x: np.cos(t) - np.sin(2 * x), 0.2, 0.7, h, n)
     sol = hd.solve(equation, n * h, n, scheme=SCHEME, history=history, estimate=False)
     np.testing.assert_allclose(sol.y[:, 0], expected, rtol=0, atol=2e-10)
 
 
 def test_order_two_is_of_second_order_where_it_starts_at_rest():
     """And of first where the first step takes all of f."""
-    for force, exact, order in (
-        (lambda t, x: 6 * t, 1.0, 2),
-        (lambda t, x: 6 * t + 2, 2.0, 1),
-    ):
+    for force, exact, order in ((lambda t, x: 6 * t, 1.0, 2), (lambda t, x: 6 * t + 2, 2.0, 1)):
         equation = hd.Equation(hd.Caputo(2.0), force, [0.0, 0.0])
-        errors = [
-            abs(hd.solve(equation, 1.0, k, scheme=SCHEME).y[-1, 0] - exact) for k in (400, 800)
-        ]
+        errors = errors_of(at_end, exact, (400, 800), equation, 1.0, scheme=SCHEME)
         assert np.log2(errors[0] / errors[1]) == pytest.approx(order, abs=0.01)
 
 
@@ -75,10 +69,6 @@ def test_orders_next_to_the_integers(alpha):
         for a, y0 in ((alpha, y0), (float(round(alpha)), y0 if alpha > 1.5 else 1.0))
     )
     assert np.abs(near - there).max() < 1e-7
-
-
-def logistic(n, u, p):
-    return p[0] * u * (1 - u)
 
 
 def logistic_map(order, factor, n_steps):
@@ -94,7 +84,7 @@ def logistic_map(order, factor, n_steps):
 @pytest.mark.parametrize("history", [hd.Direct(), hd.FFT(), hd.SumOfExponentials()], ids=repr)
 def test_a_map_with_memory_may_alternate_and_is_exact(order, factor, history):
     """At 2.0 and 2.2 values alternate for good; 500 steps, of which a scheme's are estimated."""
-    eq = hd.Equation(hd.Caputo(order), logistic, 0.3, params=[factor])
+    eq = hd.Equation(hd.Caputo(order), lambda n, u, p: p[0] * u * (1 - u), 0.3, params=[factor])
     sol = hd.solve(eq, 500, 500, scheme=hd.GrunwaldLetnikov(map=True), history=history)
     exact = logistic_map(order, factor, 500)
     assert sol.success

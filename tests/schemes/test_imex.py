@@ -8,6 +8,7 @@ import scipy.sparse as sp
 from hypothesis import given
 from hypothesis import strategies as st
 from problems import linear_and_rest
+from solver.runs import at_end, errors_of
 
 import hereditary as hd
 
@@ -78,40 +79,34 @@ def test_every_form_of_the_matrix_gives_one_solution(terms):
 
 def test_graded_meshes_restore_the_order_of_l1():
     equation, exact = linear_and_rest(0.5, [0.5, 1.0])
-    errors = []
-    for n in (800, 1600):
-        sol = hd.solve(equation, 1.0, mesh=hd.graded(n, 2.0), scheme=hd.IMEX(hd.L1()))
-        errors.append(np.abs(sol.y[-1] - exact).max())
-        assert sol.stats["n_factorised"] == n
+    meshes, scheme = [hd.graded(n, 2.0) for n in (800, 1600)], hd.IMEX(hd.L1())
+    runs = [hd.solve(equation, 1.0, mesh=mesh, scheme=scheme) for mesh in meshes]
+    assert [run.stats["n_factorised"] for run in runs] == [800, 1600]
+    errors = [np.abs(run.y[-1] - exact).max() for run in runs]
     assert np.log2(errors[0] / errors[1]) == pytest.approx(1.5, abs=0.15)
     assert 3e-6 < errors[1] < 1e-5
 
 
-def test_a_jump_is_seen_from_behind_it():
-    def pushed(t, y):
-        return np.where(t < 0.3, 0.0, 1.0) * np.ones(1)
+def pushed(order, at, force):
+    """A force that sets in at a time."""
+    rhs = lambda t, y: np.where(t < at, 0.0, force) * np.ones(1)  # noqa: E731
+    return hd.Equation(hd.Caputo(order), rhs, [0.0], linear=[[-1.0]])
 
-    equation = hd.Equation(hd.Caputo(0.8), pushed, [0.0], linear=[[-1.0]])
-    truth = hd.solve(equation, 1.0, rtol=1e-10, breaks=[0.3]).y[-1, 0]
-    errors = []
-    for n in (1000, 2000):
-        run = hd.solve(equation, 1.0, n, scheme=hd.IMEX(hd.BDF(2)), breaks=[0.3])
-        errors.append(abs(run.y[-1, 0] - truth))
+
+def test_a_jump_is_seen_from_behind_it():
+    equation, how = pushed(0.8, 0.3, 1.0), {"breaks": [0.3]}
+    truth = hd.solve(equation, 1.0, rtol=1e-10, **how).y[-1]
+    how |= {"scheme": hd.IMEX(hd.BDF(2))}
+    errors = errors_of(at_end, truth, (1000, 2000), equation, 1.0, **how)
     assert errors[1] < 5e-4
     assert errors[1] < 0.6 * errors[0]
 
 
 def test_a_break_is_not_extrapolated_over():
-    def pushed(t, y):
-        return np.where(t < 0.5, 0.0, 10.0) * np.ones(1)
-
-    equation = hd.Equation(hd.Caputo(0.2), pushed, [0.0], linear=[[-1.0]])
-    runs = [
-        hd.solve(equation, 1.0, 100, scheme=scheme, breaks=[0.5])
-        for scheme in (hd.IMEX(hd.BDF(2)), hd.BDF(2))
-    ]
+    equation, imex = pushed(0.2, 0.5, 10.0), hd.IMEX(hd.BDF(2))
+    runs = [hd.solve(equation, 1.0, 100, scheme=s, breaks=[0.5]) for s in (imex, hd.BDF(2))]
     np.testing.assert_allclose(runs[0].y, runs[1].y, atol=1e-12)
-    half = hd.solve(equation, 0.5, 50, scheme=hd.IMEX(hd.BDF(2)))
+    half = hd.solve(equation, 0.5, 50, scheme=imex)
     rest = hd.solve(equation, 1.0, resume=pickle.loads(pickle.dumps(half.state)), breaks=[0.5])
     assert np.array_equal(rest.y[-1], runs[0].y[-1])
 
@@ -121,10 +116,6 @@ def test_beyond_its_limit_a_run_says_so():
     with pytest.warns(hd.SolveWarning):
         run = hd.solve(equation, 10.0, 100, scheme=hd.IMEX(hd.BDF(2)))
     assert not run.success
-
-
-def two(t, y, p):
-    return np.array([p[0] * y[1], -y[0]])
 
 
 def diagonals(t, y, p):
@@ -137,24 +128,19 @@ def test_few_components_compile_nothing_for_another_matrix():
     def compiled(scale):
         matrix = scale * np.array([[-2.0, 1.0], [1.0, -2.0]])
         given = {"params": [scale], "linear": matrix, "bandwidth": (1, 1), "jac": diagonals}
-        equation = hd.Equation(hd.Caputo(0.7), two, [1.0, 0.0], **given)
-        return (
-            equation.system.functions.code,
-            hd.IMEX(hd.L1()).reduction(equation.system).functions.code,
-        )
+        system = hd.Equation(
+            hd.Caputo(0.7), lambda t, y, p: np.array([p[0] * y[1], -y[0]]), [1.0, 0.0], **given
+        ).system
+        return [one.functions.code for one in (system, hd.IMEX(hd.L1()).reduction(system))]
 
-    for first, second in zip(compiled(1.0), compiled(2.0), strict=True):
-        assert first == second
+    assert all(first == second for first, second in zip(*map(compiled, (1.0, 2.0)), strict=True))
 
 
 def test_a_singular_matrix_is_named_and_a_blow_up_is_none():
     """Implicit Euler steps of 1/2 solve y' = 2 y with the matrix 1 - 1/2 * 2 = 0."""
 
-    def square(t, y):
-        return y**2
-
     for rate, status in ((2.0, hd.Status.NOT_SOLVED), (-2.0, hd.Status.BLOWN_UP)):
-        equation = hd.Equation(hd.Caputo(1.0), square, [20.0], linear=[[rate]])
+        equation = hd.Equation(hd.Caputo(1.0), lambda t, y: y**2, [20.0], linear=[[rate]])
         with pytest.warns(hd.SolveWarning):
             run = hd.solve(equation, 20.0, 40, scheme=hd.IMEX(hd.L1()))
         assert run.status is status

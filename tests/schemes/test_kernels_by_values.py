@@ -49,17 +49,15 @@ def test_all_ways_give_the_closed_forms_solution(name, way):
     assert error < (2e-5 if way == "rtol" and name != "table" else known)
 
 
+@pytest.mark.filterwarnings("ignore::hereditary.KernelWarning")
 @pytest.mark.parametrize("way", ["default", "rtol"])
 @pytest.mark.parametrize("first", [1e-6, 3e-2])
 def test_a_table_of_a_power_law_is_one_wherever_it_begins(first, way):
     t = np.geomspace(first, 1e3, 150)
     orders = [hd.Memory(hd.Kernel.from_table(t, t**-0.5), 1), hd.Memory(hd.PowerLaw(0.5), 1)]
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", hd.KernelWarning)
-        table, exact = (
-            hd.solve(hd.Equation([hd.Caputo(1), order], pull, 1.0), T, **WAYS[way])
-            for order in orders
-        )
+    table, exact = (
+        hd.solve(hd.Equation([hd.Caputo(1), order], pull, 1.0), T, **WAYS[way]) for order in orders
+    )
     assert abs(table.y[-1, 0] - exact.y[-1, 0]) < (1e-8 if way == "default" else 1e-5)
 
 
@@ -235,6 +233,8 @@ def test_what_a_kernels_function_raises_is_told_as_its_own(way):
         solved(kernel, **WAYS[way])
 
 
+@pytest.mark.filterwarnings("ignore::hereditary.SolveWarning")
+@pytest.mark.filterwarnings("ignore::hereditary.KernelWarning")
 @pytest.mark.parametrize("seed", range(4))
 def test_a_table_that_rhs_reads_acts_as_the_term_of_it(seed):
     """The sum of exponentials misses the drawn table by more than the tightest tolerance."""
@@ -244,20 +244,14 @@ def test_a_table_that_rhs_reads_acts_as_the_term_of_it(seed):
     table = hd.Kernel.from_table(t, t**-power * np.exp(-rate * t) * noise)
     order = hd.Caputo((1.0, random.uniform(0.6, 1.0))[seed % 2])
 
-    def reading(t, y, m):
-        return -y - 0.8 * m[0]
-
-    read = hd.Equation(order, reading, 1.0, memory=hd.Memory(table, 0))
+    read = hd.Equation(order, lambda t, y, m: -y - 0.8 * m[0], 1.0, memory=hd.Memory(table, 0))
     term = hd.Equation(order + 0.8 * hd.Memory(table, 0), lambda t, y: -y, 1.0)
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", hd.SolveWarning)
-        warnings.simplefilter("ignore", hd.KernelWarning)
-        for rtol in (1e-4, 1e-7, 1e-10):
-            found, exact = (hd.solve(each, 4.8, rtol=rtol) for each in (read, term))
-            error = found.stats["kernel_error"]
-            assert found.success
-            assert found.t[-1] == 4.8
-            assert abs(found(exact.t) - exact.y).max() < rtol + 1e-2 * error
+    for rtol in (1e-4, 1e-7, 1e-10):
+        found, exact = (hd.solve(each, 4.8, rtol=rtol) for each in (read, term))
+        error = found.stats["kernel_error"]
+        assert found.success
+        assert found.t[-1] == 4.8
+        assert abs(found(exact.t) - exact.y).max() < rtol + 1e-2 * error
     assert error > 1e-10
 
 

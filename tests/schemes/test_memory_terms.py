@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 from scipy.special import gamma
+from solver.runs import at_end, completed, errors_of
 
 import hereditary as hd
 
@@ -76,25 +77,14 @@ def exactly(name, kernel=PRONY):
     return with_modes(terms, len(y0), rhs, y0, kernel)
 
 
-@pytest.mark.parametrize("history", HISTORIES, ids=str)
+@pytest.mark.parametrize(
+    "how", [*({"history": history} for history in HISTORIES), {"scheme": hd.L1()}], ids=str
+)
 @pytest.mark.parametrize("name", CASES)
-def test_modes_of_a_prony_series_are_an_ordinary_system(name, history):
-    exact, n = exactly(name), 1000
-    errors = [
-        abs(hd.solve(made(name), 10.0, k * n, history=history).y[-1, 0] - exact) for k in (1, 2)
-    ]
-    assert errors[0] < 0.01
-    assert abs(np.log2(errors[0] / errors[1]) - 1) < 0.15
-
-
-@pytest.mark.parametrize("name", CASES)
-def test_l1_solves_the_same_system(name):
-    exact = exactly(name)
-    errors = [
-        abs(hd.solve(made(name), 10.0, n, scheme=hd.L1()).y[-1, 0] - exact) for n in (1000, 2000)
-    ]
-    assert errors[0] < 0.03
-    # its order 2 - alpha, or 3 - beta, at the integers
+def test_modes_of_a_prony_series_are_an_ordinary_system(name, how):
+    """To first order, which is that of L1, 2 - alpha or 3 - beta, at the integers."""
+    errors = errors_of(at_end, exactly(name), (1000, 2000), made(name), 10.0, **how)
+    assert errors[0] < (0.03 if "scheme" in how else 0.01)
     assert abs(np.log2(errors[0] / errors[1]) - 1) < 0.15
 
 
@@ -120,11 +110,9 @@ def remembering(name):
 
 @pytest.mark.parametrize("name", REMEMBERING)
 def test_l1_keeps_its_order_where_y_is_remembered(name):
-    equation = remembering(name)
-    exact = hd.solve(equation, 10.0, rtol=1e-9, scheme=hd.Collocation()).y[-1, 0]
-    errors = [
-        abs(hd.solve(equation, 10.0, n, scheme=hd.L1()).y[-1, 0] - exact) for n in (500, 1000)
-    ]
+    equation, first = remembering(name), lambda sol: sol.y[-1, 0]
+    exact = first(hd.solve(equation, 10.0, rtol=1e-9))
+    errors = errors_of(first, exact, (500, 1000), equation, 10.0, scheme=hd.L1())
     assert errors[1] < 2e-4
     assert abs(np.log2(errors[0] / errors[1]) - 1.5) < 0.1
 
@@ -218,38 +206,30 @@ def test_the_step_limit_is_sharp():
         hd.solve(equation, 1.01 * limit * 4000, 4000)
 
 
-def swinging(t):
-    return np.exp(-0.1 * t) * np.cos(3 * t)
-
-
 OSCILLATING = {
     "pair": hd.Prony([0.1 + 3j, 0.1 - 3j], [0.5, 0.5]),
-    "function": hd.Kernel(swinging, signed=True),
+    "function": hd.Kernel(lambda t: np.exp(-0.1 * t) * np.cos(3 * t), signed=True),
 }
 # y(50) of y' + int K y = 0, y(0) = 1, in 30 digits by the system of y and two modes
 SWUNG = 0.5467356060190188
 
 
-def swung(kernel, **way):
-    eq = hd.Equation(hd.Caputo(1) + hd.Memory(kernel, 0), lambda t, y: 0 * y, 1.0)
-    return hd.solve(eq, 50.0, **way)
+def swung(kernel, order=1):
+    return hd.Equation(hd.Caputo(order) + hd.Memory(kernel, 0), lambda t, y: 0 * y, 1.0)
 
 
 @pytest.mark.parametrize("rtol", [1e-4, 1e-6, 1e-10])
 @pytest.mark.parametrize("name", OSCILLATING)
 def test_kernels_that_oscillate_keep_the_tolerance(name, rtol):
-    sol = swung(OSCILLATING[name], rtol=rtol)
-    assert sol.success
+    sol = completed(swung(OSCILLATING[name]), 50.0, rtol=rtol)
     assert abs(sol.y[-1, 0] - SWUNG) < rtol
 
 
-@pytest.mark.parametrize("history", [hd.Direct(), hd.FFT(), hd.SumOfExponentials()], ids=str)
+@pytest.mark.parametrize("history", HISTORIES, ids=str)
 @pytest.mark.parametrize("name", OSCILLATING)
 def test_kernels_that_oscillate_on_given_steps(name, history):
-    way = {"scheme": hd.L1(), "history": history}
-    errors = [
-        abs(swung(OSCILLATING[name], n_steps=n, **way).y[-1, 0] - SWUNG) for n in (8000, 16_000)
-    ]
+    equation, how = swung(OSCILLATING[name]), {"scheme": hd.L1(), "history": history}
+    errors = errors_of(at_end, SWUNG, (8000, 16_000), equation, 50.0, **how)
     assert errors[0] < 1e-4
     assert abs(np.log2(errors[0] / errors[1]) - 1) < 0.15  # the order of L1 at integers
 
@@ -276,16 +256,15 @@ def test_modes_that_turn_sum_what_direct_sums_do(name):
 
 
 def test_modes_that_turn_take_tangents_with_them():
-    eq = hd.Equation(hd.Caputo(1) + hd.Memory(OSCILLATING["pair"], 0), lambda t, y: 0 * y, 1.0)
-    way = {"scheme": hd.L1(), "verify": False}
-    grown = hd.lyapunov(eq, 50.0, 1000, **way).exponents[0]
-    assert abs(np.exp(50 * grown) - hd.solve(eq, 50.0, 1000, scheme=hd.L1()).y[-1, 0]) < 1e-10
+    eq, how = swung(OSCILLATING["pair"]), {"scheme": hd.L1()}
+    grown = hd.lyapunov(eq, 50.0, 1000, verify=False, **how).exponents[0]
+    assert abs(np.exp(50 * grown) - hd.solve(eq, 50.0, 1000, **how).y[-1, 0]) < 1e-10
 
 
 @pytest.mark.parametrize("name", OSCILLATING)
 def test_kernels_that_oscillate_turn_tangents_and_states_with_them(name):
     """The equation is linear: its tangent is y itself. A run to half the time goes on."""
-    eq = hd.Equation(hd.Caputo(1) + hd.Memory(OSCILLATING[name], 0), lambda t, y: 0 * y, 1.0)
+    eq = swung(OSCILLATING[name])
     grown = hd.lyapunov(eq, 50.0, rtol=1e-8, scheme=hd.Collocation(), verify=False).exponents[0]
     assert abs(50 * grown - np.log(SWUNG)) < 1e-6
     way = {"rtol": 1e-8, "scheme": hd.Collocation(horizon=50.0)}
@@ -297,21 +276,15 @@ def test_kernels_that_oscillate_turn_tangents_and_states_with_them(name):
 def test_a_gaussian_is_a_memory_too(rtol):
     """Of y itself, where no exponential decays so fast; errors of L1 are of order 1 here."""
     kernel = hd.Kernel(lambda t: np.exp(-(t**2) / 8) * np.cos(3 * t), signed=True)
-    eq = hd.Equation(hd.Caputo(1) + hd.Memory(kernel, 0), lambda t, y: -y, 1.0)
-    sol = hd.solve(eq, 20.0, rtol=rtol)
-    assert sol.success
-    coarse = [
-        hd.solve(eq, 20.0, n, scheme=hd.L1(), history=hd.FFT()).y[-1, 0]
-        for n in (4000, 8000, 16_000)
-    ]
+    eq = hd.Equation(hd.Caputo(1) + hd.Memory(kernel, 0), decay, 1.0)
+    end, how = completed(eq, 20.0, rtol=rtol).y[-1, 0], {"scheme": hd.L1(), "history": hd.FFT()}
+    coarse = [hd.solve(eq, 20.0, n, **how).y[-1, 0] for n in (4000, 8000, 16_000)]
     by_two = [2 * fine - rough for rough, fine in itertools.pairwise(coarse)]
-    assert abs((4 * by_two[1] - by_two[0]) / 3 - sol.y[-1, 0]) < max(0.1 * rtol, 1e-9)
+    assert abs((4 * by_two[1] - by_two[0]) / 3 - end) < max(0.1 * rtol, 1e-9)
 
 
 def test_states_beside_a_power_law_turn_with_it():
-    eq = hd.Equation(hd.Caputo(0.7) + hd.Memory(OSCILLATING["pair"], 0), lambda t, y: -(y**3), 1.0)
-    sol = hd.solve(eq, 20.0, rtol=1e-9)
-    coarse = [
-        hd.solve(eq, 20.0, n, scheme=hd.L1(), history=hd.FFT()).y[-1, 0] for n in (2000, 4000)
-    ]
-    assert abs(2 * coarse[1] - coarse[0] - sol.y[-1, 0]) < 1e-5
+    eq = swung(OSCILLATING["pair"], 0.7).replace(rhs=lambda t, y: -(y**3))
+    end, how = hd.solve(eq, 20.0, rtol=1e-9).y[-1, 0], {"scheme": hd.L1(), "history": hd.FFT()}
+    coarse = [hd.solve(eq, 20.0, n, **how).y[-1, 0] for n in (2000, 4000)]
+    assert abs(2 * coarse[1] - coarse[0] - end) < 1e-5

@@ -93,10 +93,6 @@ CASES = [(*row[:2], alpha, *both) for row in ROWS for alpha, both in row[2].item
 LATE = {("L1()", 1.2), ("ProductTrapezoid()", 1.2), ("Adams(corrections=1)", 1.2)}
 
 
-def power(t, y, p):
-    return (p[0] if t > p[2] else p[3]) * t ** p[1]
-
-
 def error_on(k, scheme, alpha, history, **steps):
     """Return the largest error of t**k, whose derivative is the force.
 
@@ -108,7 +104,9 @@ def error_on(k, scheme, alpha, history, **steps):
     bent = scheme == hd.L2() and k == 2
     params += (first, rgamma(2 - alpha)) if bent else (0.0, params[0])
     y0 = [float(k == 0), float(k == 1)][: 1 + (alpha > 1)]
-    equation = hd.Equation(hd.Caputo(alpha), power, y0, params)
+    equation = hd.Equation(
+        hd.Caputo(alpha), lambda t, y, p: (p[0] if t > p[2] else p[3]) * t ** p[1], y0, params
+    )
     sol = hd.solve(equation, 1.0, scheme=scheme, history=history, **(steps or {"n_steps": 40}))
     return np.abs(sol.y[:, 0] - sol.t**k).max()
 

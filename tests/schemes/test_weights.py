@@ -7,7 +7,7 @@ from scipy.special import binom
 
 from hereditary.given import weights as rules
 from hereditary.given.schemes.adams import FIRST_VALUE, HATS
-from hereditary.given.schemes.bdf import _FIRST_MODAL, quadrature_weights, start_coefficients
+from hereditary.given.schemes.bdf import _FIRST_MODAL, quadrature_weights
 from hereditary.given.schemes.grunwald_letnikov import POWER_SERIES, SPEED
 from hereditary.given.schemes.l12 import BACKWARD_PARABOLAS, BACKWARD_START
 from hereditary.kernels.exponential_sum import fit_unit
@@ -132,22 +132,6 @@ def test_quadrature_weights(p, alpha):
         tail = mpmath.quad(along_cut, [-1500, -400, -100, -50, -20, -14, -11, -9, -7.5, -6])
         expected = mpmath.sinpi(alpha) / mpmath.pi * tail
     assert found[-1] == pytest.approx(float(expected), rel=1e-10)
-
-
-def test_classical_formulas():
-    assert quadrature_weights(2).exact(1.0, 5).tolist() == pytest.approx([1.5, -0.5, 0, 0, 0])
-    steps = quadrature_weights(3).exact(1.0, 6)  # 11/6, -3, 3/2, -1/3 on the values themselves
-    np.testing.assert_allclose(np.diff(steps, prepend=0.0)[:4], [11 / 6, -3, 1.5, -1 / 3])
-    np.testing.assert_allclose(steps[3:], 0, atol=1e-14)
-
-
-def test_start_coefficients():
-    """The published ones, first to fourth order."""
-    assert start_coefficients(2, 0).tolist() == pytest.approx([1 / 2])
-    assert start_coefficients(3, 0).tolist() == pytest.approx([11 / 12, -5 / 12])
-    assert start_coefficients(3, 1).tolist() == pytest.approx([1 / 12, 0])
-    assert start_coefficients(4, 0).tolist() == pytest.approx([31 / 24, -7 / 6, 3 / 8])
-    assert start_coefficients(4, 1).tolist() == pytest.approx([1 / 6, -1 / 12, 0])
 
 
 QUADRATURES = [

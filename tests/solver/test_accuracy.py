@@ -8,7 +8,7 @@ from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 import pytest
-from problems import PROBLEMS as EXACT
+from solver.runs import event
 
 import hereditary as hd
 
@@ -46,14 +46,6 @@ def assert_true(sol, truth):
     assert told >= 1e-4
 
 
-@pytest.mark.parametrize("scheme", [hd.ExplicitCaputo(), hd.BDF(2)], ids=str)
-@pytest.mark.parametrize("problem", EXACT, ids=lambda problem: problem.name)
-def test_estimates_are_true(problem, scheme):
-    for n in (50, 400):
-        sol, _ = quietly(problem.equation(), problem.t_end, n, scheme=scheme)
-        assert_true(sol, problem.exact(sol.t))
-
-
 def test_estimates_of_drawn_problems_are_true_and_no_large_error_is_silent():
     rng, schemes = np.random.default_rng(57), [hd.ExplicitCaputo(), hd.BDF(2), hd.L1(), hd.Adams()]
     for number in range(60):
@@ -73,12 +65,7 @@ def dose(t, y):
     return y + 1.0
 
 
-def low(t, y):
-    return y[0] - 0.3
-
-
-low.direction = -1
-low.change = dose
+low = event(lambda t, y: y[0] - 0.3, direction=-1, change=dose)
 
 
 @pytest.mark.parametrize(
@@ -110,16 +97,9 @@ def test_estimates_know_what_acts_on_the_way(how):
 
 
 def test_a_delay_is_known():
-    def late(t, y, past):
-        return -past[0]
-
-    eq = hd.Equation(hd.Caputo(0.9), late, [1.0], memory=hd.Delay(1.0))
+    eq = hd.Equation(hd.Caputo(0.9), lambda t, y, past: -past[0], [1.0], memory=hd.Delay(1.0))
     sol, _ = quietly(eq, 8.0, 200)
     assert_true(sol, hd.solve(eq, 8.0, rtol=1e-9)(sol.t))
-
-
-def spring(t, y):
-    return -y
 
 
 @pytest.mark.parametrize(
@@ -129,7 +109,7 @@ def spring(t, y):
 )
 def test_chosen_rows_where_the_solution_is_small_have_the_error_of_its_size(order, y0, t_end, rows):
     """A run to 1e-4 does not know these values of y, 0 and 1e-13, relative to themselves."""
-    eq = hd.Equation(hd.Caputo(order), spring, y0)
+    eq = hd.Equation(hd.Caputo(order), lambda t, y: -y, y0)
     sol, seen = quietly(eq, t_end, 10_000, scheme=hd.BDF(2), t_eval=rows)
     assert sol.stats["error_estimate"] == 1e-4
     assert not seen
@@ -169,15 +149,9 @@ def test_a_run_after_one_without_an_estimate_has_none():
     assert stats["error_unknown"] == "the run that this one resumes has no estimate"
 
 
-def half(t, y):
-    return y[0] - 0.6
-
-
-half.terminal = True
-
-
 def test_a_run_goes_on_with_its_estimate_after_an_event_has_ended_it():
     eq = equation(params=(1.0, 0.0, 1.0))
+    half = event(lambda t, y: y[0] - 0.6, terminal=True)
     first, _ = quietly(eq, 5.0, 100, events=half)
     assert first.t[-1] < 0.5
     rest, _ = quietly(eq, 5.0, resume=first.state)
@@ -190,26 +164,18 @@ def test_reasons_are_about_the_run():
     assert stats["error_unknown"] == "no row is after the start"
     stats = hd.solve(eq, 30.0, resume=hd.solve(eq, 1.0, 100).state).stats
     assert stats["error_unknown"].endswith("the end of its history, got a run to 30.0")
-    sol, _ = quietly(hd.Equation(hd.Caputo(1), grows, 1.0), 3.0, 60)
+    sol, _ = quietly(GROWING, 3.0, 60)
     assert not sol.success
     assert sol.stats["error_estimate"] is None
     assert "no success" in sol.stats["error_unknown"]
 
 
-def quickly_driven(t, y, p):
-    return np.sin(p[0] * t) - y
-
-
-def van_der_pol(t, y, p):
-    return np.array([y[1], p[0] * (1 - y[0] ** 2) * y[1] - y[0]])
-
-
 def test_what_an_accurate_run_does_not_solve_in_few_steps_is_not_resolved():
-    unresolved = [
-        (hd.Equation(hd.Caputo(0.9), quickly_driven, [0.0], params=[300.0]), 20.0, 1000, hd.L1()),
-        (hd.Equation(hd.Caputo(0.9), van_der_pol, [1.0, 0.5], params=[4.2]), 40.0, 700, None),
-    ]
-    for eq, t_end, n, scheme in unresolved:
+    quick = hd.Equation(hd.Caputo(0.9), lambda t, y: np.sin(300.0 * t) - y, 0.0)
+    van_der_pol = hd.Equation(
+        hd.Caputo(0.9), lambda t, y: np.array([y[1], 4.2 * (1 - y[0] ** 2) * y[1] - y[0]]), [1, 0.5]
+    )
+    for eq, t_end, n, scheme in ((quick, 20.0, 1000, hd.L1()), (van_der_pol, 40.0, 700, None)):
         sol, (seen,) = quietly(eq, t_end, n, scheme=scheme)
         assert sol.stats["error_estimate"] is None
         assert sol.stats["error_unknown"] in seen
@@ -219,13 +185,10 @@ def test_what_an_accurate_run_does_not_solve_in_few_steps_is_not_resolved():
     assert "errors" not in seen  # the accurate run reached no row after the start
 
 
-def spot(points):
-    x = np.arange(1, points + 1) / (points + 1)
-    return np.exp(-200 * ((x[:, None] - 0.35) ** 2 + (x[None, :] - 0.6) ** 2))
-
-
 def test_short_first_steps_of_an_accurate_run_do_not_count_as_many():
-    eq = hd.scenes.subdiffusion(0.5, 50, dimensions=2, u0=spot(50))
+    x = np.arange(1, 51) / 51
+    spot = np.exp(-200 * ((x[:, None] - 0.35) ** 2 + (x[None, :] - 0.6) ** 2))
+    eq = hd.scenes.subdiffusion(0.5, 50, dimensions=2, u0=spot)
     sol, seen = quietly(eq, 0.02, 200, scheme=hd.BDF(2), save_every=10)
     assert not any("takes more than" in text for text in seen)
     assert "takes more than" not in sol.stats.get("error_unknown", "")
@@ -260,13 +223,12 @@ def test_a_map_and_what_collocation_refuses_have_no_estimate():
     assert "a run to rtol=1e-4 is not possible" in sol.stats["error_unknown"]
 
 
-def grows(t, y):
-    return y * y
+GROWING = hd.Equation(hd.Caputo(1), lambda t, y: y * y, 1.0)
 
 
 @pytest.mark.parametrize("t_eval", [None, [2.9, 3.0]])
 def test_steps_beyond_the_time_at_which_the_solution_ends_are_no_success_in_silence(t_eval):
-    sol, (seen,) = quietly(hd.Equation(hd.Caputo(1), grows, 1.0), 3.0, 10, t_eval=t_eval)
+    sol, (seen,) = quietly(GROWING, 3.0, 10, t_eval=t_eval)
     assert sol.success
     assert sol.stats["error_estimate"] is None
     assert "ends at t = 1: the solution stopped being finite, which 10 steps" in seen
@@ -453,7 +415,7 @@ def test_what_cannot_be_checked_is_refused(tmp_path):
             other.check()
     with pytest.raises(ValueError, match="rtol must"):
         sol.check(rtol=2.0)
-    late, _ = quietly(hd.Equation(hd.Caputo(1), grows, 1.0), 3.0, 10, t_eval=[2.9])
+    late, _ = quietly(GROWING, 3.0, 10, t_eval=[2.9])
     with pytest.raises(RuntimeError, match=r"finite .* no row of this run is before that"):
         late.check()
 

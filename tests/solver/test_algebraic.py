@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from solver.runs import event
 
 import hereditary as hd
 
@@ -15,97 +16,8 @@ SECOND = np.array([0.0, 1.0])
 G = math.gamma(1.7)
 
 
-def linear():
-    def rhs(t, y):
-        return np.array([1 - y[0] - y[1], y[0] - y[1]])
-
-    return hd.Equation(FIRST * hd.Caputo(0.5), rhs, [1.0, 1.0])
-
-
-def polynomial():
-    def rhs(t, y):
-        x, w = y
-        return np.array([G + w - x**2, x**2 + x**6 / 10 - w - w**3 / 10])
-
-    return hd.Equation(FIRST * hd.Caputo(0.7), rhs, [1.0, 1.0])
-
-
-def circuit():
-    def rhs(t, v):
-        return np.array([v[1] / 2, v[0] - np.sin(t)])
-
-    matrix = np.array([[1.0, -1.0], [0.0, 0.0]])
-    return hd.Equation(matrix * hd.Caputo(0.7), rhs, [0.0, 0.0])
-
-
-def square():
-    def rhs(t, y, memory):
-        return np.array([np.cos(t) - memory[0, 1] - y[0], y[0] ** 2 - y[1]])
-
-    memory = SECOND * hd.Memory(hd.TemperedPowerLaw(0.5, 1.0), 0)
-    return hd.Equation(0 * hd.Caputo(1), rhs, [1.0, 1.0], memory=memory)
-
-
-def renewal():
-    def rhs(t, y, memory):
-        return np.array([-y[1], y[0] * (2 * memory[0, 1] + 1e-4 * np.exp(-t)) - y[1]])
-
-    memory = SECOND * hd.Memory(hd.GammaDensity(5.0, 5.0), 0)
-    return hd.Equation(FIRST * hd.Caputo(1), rhs, [1.0, 1e-4], memory=memory)
-
-
-def delayed():
-    memory = hd.Memory(hd.GammaDensity(1.5, 1.0), 0)
-    return hd.Equation(hd.Caputo(1), lambda t, y, memory: -memory[0], 1.0, memory=memory)
-
-
-CASES = [
-    (linear, 2.0, [0.594410641301969] * 2),
-    (polynomial, 2.0, [1 + 2**0.7, (1 + 2**0.7) ** 2]),
-    (circuit, 10.0, [math.sin(10), -0.62347142013735]),
-    (square, 1.0, [0.28581642948650]),
-    (square, 2.0, [-0.90715423688777]),
-    (renewal, 20.0, [0.2044015705677]),
-    (delayed, 1.0, [0.803792100113431]),
-    (delayed, 10.0, [0.0153484396603218]),
-]
-
-
-@pytest.mark.parametrize("rtol", [1e-4, 1e-6, 1e-8])
-@pytest.mark.parametrize(("equation", "t_end", "expected"), CASES)
-def test_the_tolerance_holds(equation, t_end, expected, rtol):
-    solved = hd.solve(equation(), t_end, rtol=rtol)
-    assert solved.success
-    found = solved.y[-1, : len(expected)]
-    np.testing.assert_allclose(found, expected, rtol=10 * rtol, atol=0)
-    assert solved.stats["n_steps"] < 100
-
-
-def test_inconsistent_values_are_refused_with_consistent_ones():
-    equation = linear().replace(y0=[1.0, 0.5])
-    with pytest.raises(ValueError, match=r"a residual of 0.5; .* y0\[0, 1\] = 1"):
-        hd.solve(equation, 2.0)
-
-
-def test_an_index_above_1_is_refused():
-    def rhs(t, y):
-        return np.array([y[1], y[0] - np.sin(t)])
-
-    with pytest.raises(ValueError, match=r"index above 1.*differentiate"):
-        hd.solve(hd.Equation(FIRST * hd.Caputo(0.5), rhs, [0.0, 1.0]), 2.0)
-
-
-def test_given_steps_refuse_rows_without_a_derivative():
-    with pytest.raises(ValueError, match="none for component 1; solve algebraic rows with rtol="):
-        hd.solve(linear(), 2.0, 100)
-
-
 def relaxing(t, y, p):
     return np.array([p[0] - y[0] - y[1], y[0] - y[1]])
-
-
-def alone(t, y, p):
-    return p[0] - 2 * y[0]
 
 
 def pushed(t, y, p):
@@ -113,58 +25,137 @@ def pushed(t, y, p):
     return np.array([p[0] - y[0] - y[1], y[0] - y[1] + force])
 
 
-def alone_pushed(t, y, p):
-    return p[0] - 2 * y[0] - (0.5 if t >= 1.0 else 0.0)
+def polynomial(t, y):
+    x, w = y
+    return np.array([G + w - x**2, x**2 + x**6 / 10 - w - w**3 / 10])
 
 
-def at_one(t, y):
-    return t - 1.0
-
-
-def lifted(t, y):
-    change = np.zeros(y.size)
-    change[0] = 1.0
-    return y + change
-
-
-at_one.change = lifted
-
-
-def level(t, y):
-    return y[0] - 0.7
+def renewal(t, y, memory):
+    return np.array([-y[1], y[0] * (2 * memory[0, 1] + 1e-4 * np.exp(-t)) - y[1]])
 
 
 ALGEBRAIC = hd.Equation(FIRST * hd.Caputo(0.5), relaxing, [1.0, 1.0], params=[1.0])
-ALONE = hd.Equation(hd.Caputo(0.5), alone, 1.0, params=[1.0])
+ALONE = hd.Equation(hd.Caputo(0.5), lambda t, y, p: p[0] - 2 * y[0], 1.0, params=[1.0])
 TIGHT = {"rtol": 1e-9}
+CIRCUIT = hd.Equation(
+    np.array([[1.0, -1.0], [0.0, 0.0]]) * hd.Caputo(0.7),
+    lambda t, v: np.array([v[1] / 2, v[0] - np.sin(t)]),
+    [0.0, 0.0],
+)
+SQUARE = hd.Equation(
+    0 * hd.Caputo(1),
+    lambda t, y, memory: np.array([np.cos(t) - memory[0, 1] - y[0], y[0] ** 2 - y[1]]),
+    [1.0, 1.0],
+    memory=SECOND * hd.Memory(hd.TemperedPowerLaw(0.5, 1.0), 0),
+)
 
 
-def test_events_find_the_times_of_the_equation_without_the_row():
-    found, expected = (hd.solve(e, 2.0, events=level, **TIGHT) for e in (ALGEBRAIC, ALONE))
+def late(shape, rate):
+    """``y' = -y`` of earlier, by a gamma density."""
+    memory = hd.Memory(hd.GammaDensity(shape, rate), 0)
+    return hd.Equation(hd.Caputo(1), lambda t, y, memory: -memory[0], 1.0, memory=memory)
+
+
+RENEWAL = hd.Equation(
+    FIRST * hd.Caputo(1), renewal, [1.0, 1e-4],
+    memory=SECOND * hd.Memory(hd.GammaDensity(5.0, 5.0), 0),
+)  # fmt: skip
+CASES = [
+    (ALGEBRAIC, 2.0, [0.594410641301969] * 2),
+    (
+        hd.Equation(FIRST * hd.Caputo(0.7), polynomial, [1.0, 1.0]),
+        2.0,
+        [1 + 2**0.7, (1 + 2**0.7) ** 2],
+    ),
+    (CIRCUIT, 10.0, [math.sin(10), -0.62347142013735]),
+    (SQUARE, 1.0, [0.28581642948650]),
+    (SQUARE, 2.0, [-0.90715423688777]),
+    (RENEWAL, 20.0, [0.2044015705677]),
+    (late(1.5, 1.0), 1.0, [0.803792100113431]),
+    (late(1.5, 1.0), 10.0, [0.0153484396603218]),
+]
+
+
+@pytest.mark.parametrize("rtol", [1e-4, 1e-6, 1e-8])
+@pytest.mark.parametrize(("equation", "t_end", "expected"), CASES)
+def test_the_tolerance_holds(equation, t_end, expected, rtol):
+    solved = hd.solve(equation, t_end, rtol=rtol)
+    assert solved.success
+    found = solved.y[-1, : len(expected)]
+    np.testing.assert_allclose(found, expected, rtol=10 * rtol, atol=0)
+    assert solved.stats["n_steps"] < 100
+
+
+def index_2():
+    rhs = lambda t, y: np.array([y[1], y[0] - np.sin(t)])  # noqa: E731
+    return hd.solve(hd.Equation(FIRST * hd.Caputo(0.5), rhs, [0.0, 1.0]), 2.0)
+
+
+def convolved_derivative():
+    memory = hd.Memory(hd.Prony([1.0], [0.5]), 1)
+    rhs = lambda t, y, m: np.cos(t) - y - m[0]  # noqa: E731
+    return hd.solve(hd.Equation(0 * hd.Caputo(1), rhs, 1.0, memory=memory), 2.0)
+
+
+@pytest.mark.parametrize(
+    ("call", "words"),
+    [
+        (
+            lambda: hd.solve(ALGEBRAIC.replace(y0=[1.0, 0.5]), 2.0),
+            r"a residual of 0.5; .* y0\[0, 1\] = 1",
+        ),
+        (index_2, r"index above 1.*differentiate"),
+        (convolved_derivative, r"memory must convolve y of component 0.*left-hand side"),
+        (
+            lambda: hd.solve(ALGEBRAIC, 2.0, 100),
+            "none for component 1; solve algebraic rows with rtol=",
+        ),
+        (
+            lambda: hd.lyapunov(ALGEBRAIC, 10.0, rtol=1e-6),
+            "equation must have a derivative of every component",
+        ),
+        # what the derivative acts on would have to change too
+        (
+            lambda: hd.solve(CIRCUIT, 2.0, changes={1.0: lambda t, v: v + 1.0}),
+            "change no y where the matrix in front of a derivative",
+        ),
+    ],
+)
+def test_refusals(call, words):
+    with pytest.raises(ValueError, match=words):
+        call()
+
+
+LIFT = event(lambda t, y: t - 1.0, change=lambda t, y: y + np.eye(y.size)[0])
+
+
+@pytest.mark.parametrize("acts", [LIFT, lambda t, y: y[0] - 0.7])
+def test_events_and_changes_are_those_of_the_equation_without_the_row(acts):
+    how = {"events": acts, "t_eval": [0.5, 1.0, 1.5, 2.0], **TIGHT}
+    found, expected = (hd.solve(e, 2.0, **how) for e in (ALGEBRAIC, ALONE))
     assert found.t_events[0] == pytest.approx(expected.t_events[0], abs=1e-8)
-
-
-def test_rows_hold_after_a_change_of_y():
-    times = [0.5, 1.0, 1.5, 2.0]
-    found, expected = (
-        hd.solve(e, 2.0, events=at_one, t_eval=times, **TIGHT) for e in (ALGEBRAIC, ALONE)
-    )
     np.testing.assert_allclose(found.y, expected.y[:, [0, 0]], atol=1e-8)
 
 
 def test_rows_hold_after_a_jump_of_the_right_hand_side():
     found = hd.solve(ALGEBRAIC.replace(rhs=pushed), 2.0, breaks=[1.0], **TIGHT)
-    expected = hd.solve(ALONE.replace(rhs=alone_pushed), 2.0, breaks=[1.0], **TIGHT)
-    end = expected.y[-1, 0]
+    alone = ALONE.replace(rhs=lambda t, y, p: p[0] - 2 * y[0] - (0.5 if t >= 1.0 else 0.0))
+    end = hd.solve(alone, 2.0, breaks=[1.0], **TIGHT).y[-1, 0]
     assert found.y[-1] == pytest.approx([end, end + 0.5], abs=1e-8)
     assert found(1.5)[1] - found(1.5)[0] == pytest.approx(0.5, abs=1e-8)
 
 
-def test_runs_resume_beside_rows():
-    first = hd.solve(ALGEBRAIC, 1.0, scheme=hd.Collocation(horizon=2.0), **TIGHT)
-    found = hd.solve(ALGEBRAIC, 2.0, resume=first.state)
+def test_runs_resume_beside_rows_which_may_change():
+    state = hd.solve(ALGEBRAIC, 1.0, scheme=hd.Collocation(horizon=2.0), **TIGHT).state
     expected = hd.solve(ALONE, 2.0, **TIGHT).y[-1, 0]
+    found = hd.solve(ALGEBRAIC, 2.0, resume=state)
     assert found.y[-1] == pytest.approx([expected] * 2, abs=1e-8)
+    other = ALGEBRAIC.replace(rhs=pushed)
+    expected = hd.solve(other, 2.0, breaks=[1.0], **TIGHT).y[-1]
+    found = hd.solve(other, 2.0, resume=state, allow_change=True)
+    assert found.y[-1] == pytest.approx(expected, abs=1e-8)
+    with pytest.raises(ValueError, match="same right-hand side"):
+        hd.solve(other, 2.0, resume=state)
 
 
 def test_members_of_an_ensemble_and_sensitivities():
@@ -232,13 +223,6 @@ def test_kernels_that_are_read_with_derivatives(kernel, order, derivative):
     assert found.stats["n_steps"] < 300
 
 
-def test_a_derivative_is_not_convolved_where_there_is_none():
-    memory = hd.Memory(hd.Prony([1.0], [0.5]), 1)
-    eq = hd.Equation(0 * hd.Caputo(1), lambda t, y, m: np.cos(t) - y - m[0], 1.0, memory=memory)
-    with pytest.raises(ValueError, match=r"memory must convolve y of component 0.*left-hand side"):
-        hd.solve(eq, 2.0)
-
-
 @pytest.mark.parametrize("how", [TIGHT, {"n_steps": 2000, "scheme": hd.L1()}], ids=str)
 def test_kernels_behind_matrices(how):
     """Sum and difference of two components are equations of their own."""
@@ -261,29 +245,16 @@ def test_coefficients_next_to_0_are_named_where_the_start_contradicts_them():
         hd.solve(tiny.replace(y0=[1.0, 0.5]), 2.0, **TIGHT)
 
 
-def test_exponents_refuse_rows_without_a_derivative():
-    with pytest.raises(ValueError, match="equation must have a derivative of every component"):
-        hd.lyapunov(ALGEBRAIC, 10.0, rtol=1e-6)
-
-
 @settings(max_examples=10)
 @given(st.integers(0, 5), st.floats(0.02, 1.0), st.floats(0.3, 3.0))
 def test_delays_with_gamma_densities_by_laplace(stages, rest, rate):
     shape = stages + rest
-    memory = hd.Memory(hd.GammaDensity(shape, rate), 0)
-    late = hd.Equation(hd.Caputo(1), lambda t, y, memory: -memory[0], 1.0, memory=memory)
-    found = hd.solve(late, 3.0, rtol=1e-9).y[-1, 0]
+    found = hd.solve(late(shape, rate), 3.0, rtol=1e-9).y[-1, 0]
     with mpmath.workdps(25):
         exact = mpmath.invertlaplace(
             lambda s: 1 / (s + (1 + s / rate) ** -shape), 3, method="talbot"
         )
     assert found == pytest.approx(float(exact), abs=1e-8)
-
-
-def test_changes_are_refused_beside_matrices_with_rows_of_zeros():
-    """What the derivative acts on would have to change too."""
-    with pytest.raises(ValueError, match="change no y where the matrix in front of a derivative"):
-        hd.solve(circuit(), 2.0, changes={1.0: lambda t, v: v + 1.0})
 
 
 def cubic(t, y, memory):
@@ -332,16 +303,6 @@ def test_rows_that_follow_the_time_alone(coefficients):
     assert found.success
     times = np.linspace(0.0, 20.0, 300)
     assert found(times)[:, 1] == pytest.approx(np.cos(3 * times), abs=1e-6)
-
-
-def test_a_changed_row_may_go_on_from_a_state():
-    first = hd.solve(ALGEBRAIC, 1.0, scheme=hd.Collocation(horizon=2.0), **TIGHT)
-    other = ALGEBRAIC.replace(rhs=pushed)
-    found = hd.solve(other, 2.0, resume=first.state, allow_change=True)
-    expected = hd.solve(other, 2.0, breaks=[1.0], **TIGHT)
-    assert found.y[-1] == pytest.approx(expected.y[-1], abs=1e-8)
-    with pytest.raises(ValueError, match="same right-hand side"):
-        hd.solve(other, 2.0, resume=first.state)
 
 
 def test_a_row_that_begins_like_a_root_of_t():

@@ -19,6 +19,7 @@ from cases import (
     chosen,
     over,
 )
+from solver.runs import event
 
 import hereditary as hd
 from hereditary.compiled.records import record
@@ -132,11 +133,7 @@ def test_a_run_has_the_rows_and_dense_output_of_the_steps():
 
 @pytest.mark.parametrize("terminal", [False, True])
 def test_events_are_located_and_end_the_run(terminal):
-    def half(t, y):
-        return y[0] - 0.5
-
-    half.terminal = terminal
-    found = ran(events=[half])
+    found = ran(events=[event(lambda t, y: y[0] - 0.5, terminal=terminal)])
     assert found.status == ("event" if terminal else "completed")
     assert found.t_events[0] == pytest.approx([np.log(0.5) / np.log(FACTOR) * H], abs=1e-4)
     assert found.y_events[0][0, 0] == pytest.approx(0.5, abs=1e-9)

@@ -11,12 +11,22 @@ import pytest
 from cases import GIVEN
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from solver.runs import event
 
 import hereditary as hd
 
 
 def decay(t, y, p):
     return -p[0] * y
+
+
+DECAY = hd.Equation(hd.Caputo(0.8), decay, 1.0, [1.0])
+ABSORBED = hd.Equation(
+    hd.Caputo(0.8),
+    lambda t, y, p: [-p[0] * y[0], p[0] * y[0] - p[1] * y[1]],  # from the gut into the blood
+    [1.0, 0.0],
+    [1.0, 0.5],
+)
 
 
 def alone(equation, tables, m, t_end, *arguments, **how):
@@ -62,6 +72,7 @@ def assert_same_events(found, m, sol):
             assert np.array_equal(part, other)
 
 
+@pytest.mark.filterwarnings("ignore::hereditary.SolveWarning")
 @settings(max_examples=25)
 @given(
     st.lists(st.floats(0.01, 3.0), min_size=1, max_size=5),
@@ -72,48 +83,26 @@ def assert_same_events(found, m, sol):
 def test_any_members_are_the_runs_by_themselves(rates, n_steps, save_every, scheme):
     equation = hd.Equation(hd.Caputo(0.6), decay, 1.0, [1.0])
     how = {"scheme": scheme, "save_every": save_every}
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", hd.SolveWarning)
-        found = hd.ensemble(equation, 1.0, n_steps, params=rates, **how)
-        for m in range(len(rates)):
-            sol = alone(equation, {"params": rates}, m, 1.0, n_steps, **how)
-            assert_equal(found, m, sol)
-
-
-def absorbed(t, y, p):
-    """A dose in the gut, y[0], goes over into the blood, y[1]."""
-    return [-p[0] * y[0], p[0] * y[0] - p[1] * y[1]]
+    found = hd.ensemble(equation, 1.0, n_steps, params=rates, **how)
+    for m in range(len(rates)):
+        sol = alone(equation, {"params": rates}, m, 1.0, n_steps, **how)
+        assert_equal(found, m, sol)
 
 
 def dose(t, y):
     return [y[0] + 1.0, y[1]]
 
 
-def double_dose(t, y):
-    return [y[0] + 2.0, y[1]]
-
-
-def low(t, y):
-    return y[0] - 0.3
-
-
-def refill(t, y):
-    return y[0] - 0.3
-
-
-def last(t, y):
-    return y[0] - 0.3
-
-
-def gate(t, y):
-    return y[0] - 0.5
-
-
-low.direction, refill.change, last.terminal = -1, dose, True
+gate = event(lambda t, y: y[0] - 0.5)
+low = event(lambda t, y: y[0] - 0.3, direction=-1)
+refill = event(lambda t, y: y[0] - 0.3, change=dose)
+last = event(lambda t, y: y[0] - 0.3, terminal=True)
 # Arguments of runs, the same for all members; "each" has one for each of three.
 ABILITIES = {
-    "changes": {"changes": {0.51: dose, 1.0: double_dose}},
-    "changes of each": {"each": [{0.51: dose}, {}, {0.7: double_dose, 1.1: dose}]},
+    "changes": {"changes": {0.51: dose, 1.0: lambda t, y: [y[0] + 2.0, y[1]]}},
+    "changes of each": {
+        "each": [{0.51: dose}, {}, {0.7: lambda t, y: [y[0] + 2.0, y[1]], 1.1: dose}]
+    },
     "events": {"events": [low, refill]},
     "a terminal event": {"events": last, "changes": {0.51: dose}},
     "switches": {"switches": gate},
@@ -131,29 +120,25 @@ WAYS = {
 @pytest.mark.parametrize("way", WAYS)
 @pytest.mark.parametrize("ability", ABILITIES)
 def test_members_take_what_single_runs_take(ability, way):
-    equation = hd.Equation(hd.Caputo(0.8), absorbed, [1.0, 0.0], [1.0, 0.5])
     tables = {"params": [[0.5, 1.0], [1.0, 0.5], [3.0, 1.0]]}
     given = dict(ABILITIES[ability])
     each, how = given.pop("each", None), WAYS[way]
     more = {} if each is None else {"changes": each}
-    found = hd.ensemble(equation, 2.0, **tables, **how, **given, **more)
+    found = hd.ensemble(ABSORBED, 2.0, **tables, **how, **given, **more)
     assert found.success.all()
     for m in range(3):
         own = given if each is None else {"changes": each[m]}
-        sol = alone(equation, tables, m, 2.0, **how | own | {"t_eval": found.t})
+        sol = alone(ABSORBED, tables, m, 2.0, **how | own | {"t_eval": found.t})
         assert_equal(found, m, sol)
         if "n_steps" in how:  # each row of the run itself; a change has one before it and one after
-            run = alone(equation, tables, m, 2.0, **how, **own)
+            run = alone(ABSORBED, tables, m, 2.0, **how, **own)
             after = np.append(np.diff(run.t) > 0, True) & np.isin(run.t, found.t)
             assert np.array_equal(found.y[m, : after.sum()], run.y[after])
 
 
 def test_members_that_an_event_ends_are_successful_and_have_their_times():
-    equation = hd.Equation(hd.Caputo(0.8), absorbed, [1.0, 0.0], [1.0, 0.5])
     rates = [[0.5, 1.0], [3.0, 1.0], [0.01, 1.0]]
-    with warnings.catch_warnings():
-        warnings.simplefilter("error")
-        found = hd.ensemble(equation, 2.0, 100, params=rates, events=last)
+    found = hd.ensemble(ABSORBED, 2.0, 100, params=rates, events=last)
     assert found.status.tolist() == ["completed", "event", "completed"]
     assert found.success.all()
     assert sorted(found.messages) == [1]
@@ -245,22 +230,9 @@ def test_functions_called_in_python():
             return -p[0] * y
 
     with pytest.warns(hd.PythonFunctionWarning):
-        equation = hd.Equation(hd.Caputo(0.8), Decay(), 1.0, [1.0])
-    found = hd.ensemble(equation, 1.0, 40, params=[0.5, 2.0])
-    compiled = hd.Equation(hd.Caputo(0.8), decay, 1.0, [1.0])
-    assert np.array_equal(found.y, hd.ensemble(compiled, 1.0, 40, params=[0.5, 2.0]).y)
-
-
-def test_a_tolerance_instead_of_steps():
-    equation = hd.Equation(hd.Caputo(0.8), decay, 1.0, [1.0])
-    times = np.array([0.0, 0.3, 1.0])
-    found = hd.ensemble(equation, 1.0, rtol=1e-8, params=[0.5, 2.0], t_eval=times)
-    for m, rate in enumerate((0.5, 2.0)):
-        exact = hd.exact.relaxation(0.8, rate)(times)[:, 0]
-        assert np.abs(found.y[m, :, 0] - exact).max() < 1e-8
-    ends = hd.ensemble(equation, 1.0, rtol=1e-8, params=[0.5, 2.0])
-    assert ends.t.tolist() == [0.0, 1.0]
-    assert np.abs(ends.y[:, 1] - found.y[:, 2]).max() < 1e-8
+        called = DECAY.replace(rhs=Decay())
+    found, compiled = (hd.ensemble(e, 1.0, 40, params=[0.5, 2.0]) for e in (called, DECAY))
+    assert np.array_equal(found.y, compiled.y)
 
 
 # From Python 3.12 on copies of a process with threads, such as those of a test runner, warn.
@@ -273,12 +245,11 @@ on_linux = pytest.mark.skipif(sys.platform != "linux", reason="processes are cop
     "by", [{"threads": 2}, pytest.param({"workers": 2}, marks=[copies, on_linux])], ids=str
 )
 def test_ctrl_c_leaves_the_members_that_are_left(by):
-    equation = hd.Equation(hd.Caputo(0.8), decay, 1.0, [1.0])
-    hd.ensemble(equation, 1.0, 100, params=[1.0])  # compiled: the interrupt shall meet the run
+    hd.ensemble(DECAY, 1.0, 100, params=[1.0])  # compiled: the interrupt shall meet the run
     before = signal.getsignal(signal.SIGINT)
     timer = threading.Timer(0.3, os.kill, (os.getpid(), signal.SIGINT))
     timer.start()
-    found = hd.ensemble(equation, 1.0, 10**6, save_every=10**5, params=np.ones(200), **by)
+    found = hd.ensemble(DECAY, 1.0, 10**6, save_every=10**5, params=np.ones(200), **by)
     timer.join()
     assert signal.getsignal(signal.SIGINT) is before
     assert set(found.status) <= {"completed", "interrupted"}
@@ -297,6 +268,8 @@ class Called:
         return [-p[0] * y[0], p[0] * y[0] - p[1] * y[1]]
 
 
+@pytest.mark.filterwarnings("ignore::hereditary.SolveWarning")
+@pytest.mark.filterwarnings("ignore::hereditary.PythonFunctionWarning")
 @copies
 @on_linux
 @pytest.mark.parametrize(
@@ -307,43 +280,35 @@ class Called:
 @pytest.mark.parametrize("rhs", ["compiled", "called"])
 def test_processes_solve_the_same_members(rhs, how):
     """Also where members fail, and with functions that cannot be sent to another process."""
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", hd.PythonFunctionWarning)
-        function = Called() if rhs == "called" else absorbed
-        equation = hd.Equation(hd.Caputo(0.8), function, [1.0, 0.0], [1.0, 0.5])
+    equation = ABSORBED.replace(rhs=Called()) if rhs == "called" else ABSORBED
     tables = {"params": [[rate, 0.5] for rate in (0.5, 0.7, 1.0, 2.0, 3.0, 4.0)]}
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", hd.SolveWarning)
-        found, same = (
-            hd.ensemble(equation, 2.0, **tables, **how, **by)
-            for by in ({"workers": 2}, {"threads": 1})
-        )
+    found, same = (
+        hd.ensemble(equation, 2.0, **tables, **how, **by) for by in ({"workers": 2}, {"threads": 1})
+    )
     assert_same_members(found, same)
     assert found.success[4] == (rhs == "compiled")
 
 
 def test_other_systems_copy_no_process(monkeypatch):
     monkeypatch.setattr("sys.platform", "win32")
-    equation = hd.Equation(hd.Caputo(0.8), decay, 1.0, [1.0])
     with pytest.raises(ValueError, match=r"workers must be left out .*, got win32; use hd\.sweep"):
-        hd.ensemble(equation, 1.0, 10, params=[1.0], workers=2)
+        hd.ensemble(DECAY, 1.0, 10, params=[1.0], workers=2)
 
 
-def test_times_of_steps():
-    equation = hd.Equation(hd.Caputo(0.8), decay, 1.0, [1.0])
-    whole = hd.ensemble(equation, 1.0, 40, params=[0.5, 2.0])
-    some = hd.ensemble(equation, 1.0, 40, params=[0.5, 2.0], t_eval=[0.1, 0.5])
+def test_times_of_steps_and_of_a_tolerance():
+    whole = hd.ensemble(DECAY, 1.0, 40, params=[0.5, 2.0])
+    some = hd.ensemble(DECAY, 1.0, 40, params=[0.5, 2.0], t_eval=[0.1, 0.5])
     assert np.array_equal(some.y, whole.y[:, [4, 20]])
     assert np.array_equal(some.stats["n_steps"], [40, 40])
+    assert hd.ensemble(DECAY, 1.0, rtol=1e-8, params=[0.5, 2.0]).t.tolist() == [0.0, 1.0]
 
 
 @pytest.fixture(params=["plain", "events", "above 1", "complex"])
 def members(request):
     """An ensemble of three, of each kind of result."""
     if request.param == "events":
-        equation = hd.Equation(hd.Caputo(0.8), absorbed, [1.0, 0.0], [1.0, 0.5])
         rates = [[0.5, 1.0], [3.0, 1.0], [0.01, 1.0]]
-        return hd.ensemble(equation, 2.0, 100, params=rates, events=[low, last])
+        return hd.ensemble(ABSORBED, 2.0, 100, params=rates, events=[low, last])
     if request.param == "above 1":
         equation = hd.Equation(hd.Caputo(1.5), decay, [1.0, 0.0], [1.0])
     else:
@@ -363,7 +328,7 @@ def test_a_file_gives_back_an_ensemble(members, tmp_path):
         hd.Solution.load(tmp_path / "kept")
 
 
-def test_pandas(members):
+def test_tables_of_other_packages(members):
     pytest.importorskip("pandas")
     frame = members.to_pandas()
     assert frame.index.names == ["member", "t"]
@@ -371,9 +336,6 @@ def test_pandas(members):
         assert np.array_equal(frame.loc[m].index, members.t)
         assert np.array_equal(frame.loc[m]["y[0]"], rows[:, 0], equal_nan=True)
     assert ("ydot[0]" in frame) == (members.ydot is not None)
-
-
-def test_xarray(members):
     pytest.importorskip("xarray")
     data = members.to_xarray()
     assert data.y.dims == ("member", "t", "component")

@@ -12,62 +12,36 @@ import hereditary as hd
 pytestmark = pytest.mark.core
 
 
-def crossing(t, y):
-    return y[0] - 0.5
-
-
 @pytest.fixture(params=["order above 1", "complex", "events"])
 def solution(request):
     if request.param == "complex":
         equation = hd.Equation(hd.Caputo(0.8), lambda t, z: 1j * z, 1 + 0j)
         return hd.solve(equation, 1.0, 50)
     if request.param == "events":
-        return hd.solve(hd.scenes.relaxation(0.6), 3.0, rtol=1e-6, events=crossing)
+        equation, half = hd.scenes.relaxation(0.6), lambda t, y: y[0] - 0.5
+        return hd.solve(equation, 3.0, rtol=1e-6, events=half)
     return hd.solve(hd.scenes.stick_slip(), 1.0, 50)
 
 
-@pytest.fixture
-def found(solution, tmp_path):
-    """The solution from a file."""
+def test_a_file_gives_back_a_solution_but_for_its_dense_output(solution, tmp_path):
     solution.save(tmp_path / "kept")
-    return hd.Solution.load(tmp_path / "kept")
-
-
-def test_a_file_gives_back_rows(solution, found):
-    assert np.array_equal(found.t, solution.t)
-    assert np.array_equal(found.y, solution.y)
+    found = hd.Solution.load(tmp_path / "kept")
+    for name in ("t", "y", "ydot"):
+        rows, kept = getattr(found, name), getattr(solution, name)
+        assert np.array_equal(rows, kept, equal_nan=True) if kept is not None else rows is None
     assert found.y.dtype == solution.y.dtype
-    assert (found.ydot is None) == (solution.ydot is None)
-    if solution.ydot is not None:
-        assert np.array_equal(found.ydot, solution.ydot, equal_nan=True)
-
-
-def test_a_file_gives_back_the_ending(solution, found):
     assert found.status is solution.status
     assert found.message == solution.message
     lists = {"jumps"} & solution.stats.keys()
     assert all(found.stats.pop(name) == solution.stats.pop(name) for name in lists)
     assert found.stats == pytest.approx(solution.stats)
-
-
-def test_a_file_gives_back_events(solution, found):
-    assert len(found.t_events) == len(solution.t_events)
-    for times, rows, *kept in zip(
-        found.t_events, found.y_events, solution.t_events, solution.y_events, strict=True
-    ):
-        assert np.array_equal(times, kept[0])
-        assert np.array_equal(rows, kept[1])
-
-
-def test_a_run_goes_on_from_a_file(solution, found):
-    state = found.state
-    assert state.t == solution.state.t
-    assert np.array_equal(state.y, solution.state.y)
-    assert state.identity == solution.state.identity
-    assert state.event_signs == solution.state.event_signs
-
-
-def test_a_file_has_no_dense_output(found):
+    for name in ("t_events", "y_events"):
+        for values, kept in zip(getattr(found, name), getattr(solution, name), strict=True):
+            assert np.array_equal(values, kept)
+    state, kept = found.state, solution.state
+    assert np.array_equal(state.y, kept.y)
+    for name in ("t", "identity", "event_signs"):
+        assert getattr(state, name) == getattr(kept, name)
     with pytest.raises(ValueError, match="kept no dense output"):
         found(0.5)
 
@@ -148,16 +122,13 @@ def test_a_history_that_holds_other_objects_has_rows_alone_in_a_file(tmp_path):
             hd.solve(hd.scenes.relaxation(0.6), 2.0, resume=each.state)
 
 
-def test_pandas(solution):
+def test_tables_of_other_packages(solution):
     pytest.importorskip("pandas")
     frame = solution.to_pandas()
     assert frame.index.name == "t"
     assert np.array_equal(frame.index, solution.t)
     assert np.array_equal(frame["y[0]"], solution.y[:, 0])
     assert ("ydot[0]" in frame) == (solution.ydot is not None)
-
-
-def test_xarray(solution):
     pytest.importorskip("xarray")
     data = solution.to_xarray()
     assert np.array_equal(data.y, solution.y)
@@ -183,6 +154,7 @@ def test_a_package_that_is_not_there_is_named(package, monkeypatch):
         raise ImportError(name)
 
     monkeypatch.setattr("importlib.import_module", missing)
-    solution = hd.solve(hd.scenes.relaxation(0.6), 1.0, 10)
-    with pytest.raises(ImportError, match=f"to_{package} needs {package}"):
-        getattr(solution, f"to_{package}")()
+    words = f"to_{package} needs {package}, .* pip install {package}"
+    for made in (hd.solve(hd.scenes.relaxation(0.6), 1.0, 10), hd.sweep(lambda a: a, {"a": [1.0]})):
+        with pytest.raises(ImportError, match=words):
+            getattr(made, f"to_{package}")()

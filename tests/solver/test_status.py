@@ -1,7 +1,6 @@
 """How runs end: statuses, truth, and the warning of every ending that was not asked for."""
 
 import pickle
-import warnings
 
 import numpy as np
 import pytest
@@ -11,10 +10,6 @@ import hereditary as hd
 
 def squared(t, y):
     return y**2
-
-
-def decay(t, y):
-    return -y
 
 
 BURST = hd.Equation(hd.Caputo(0.9), squared, 1.0)
@@ -44,9 +39,12 @@ def test_a_run_that_ends_early_warns_and_is_false(how):
 
 @pytest.mark.parametrize("how", WAYS)
 def test_a_run_ends_exactly_where_it_was_asked_to(how):
+    """It is true then, and quiet."""
     for t_end in (0.1, 0.7, 123.456, 1e-9, 1e9):
         equation = hd.scenes.relaxation(0.5, t_end**-0.5)
         sol = hd.solve(equation, t_end, **how)
+        assert sol
+        assert sol.status == "completed"
         assert sol.t[-1] == t_end
         assert np.all(np.diff(sol.t) > 0)
         rounded = sol.t[:-1] * (1 + 2e-16)
@@ -117,13 +115,6 @@ def test_an_exception_in_the_right_hand_side_keeps_what_was_computed(how, late):
     np.testing.assert_allclose(sol.y, whole(sol.t), rtol=0.0 if "n_steps" in how else 1e-8)
 
 
-@pytest.mark.parametrize("how", WAYS)
-def test_a_run_that_ends_as_asked_for_is_true_and_quiet(how):
-    sol = hd.solve(hd.scenes.relaxation(), 1.0, **how)
-    assert sol
-    assert sol.status == "completed"
-
-
 def test_a_step_beyond_the_limit_warns_at_the_callers_line():
     fast = hd.scenes.relaxation(0.9, rate=200.0)
     with pytest.warns(hd.StabilityWarning) as caught:
@@ -146,9 +137,7 @@ def test_ctrl_c_is_quiet(monkeypatch):
         lambda self: setattr(self, "asked", True) or self,
     )
     monkeypatch.setattr("hereditary.collocation.adaptive_stepper._MAX_STEPS_PER_MARCH", 1)
-    with warnings.catch_warnings():
-        warnings.simplefilter("error")
-        sol = hd.solve(hd.scenes.relaxation(), 1.0, rtol=1e-6)
+    sol = hd.solve(hd.scenes.relaxation(), 1.0, rtol=1e-6)
     assert sol.status == "interrupted"
     assert not sol
 
@@ -177,6 +166,7 @@ def test_a_kernel_that_fails_is_not_told_as_the_right_hand_side():
         assert sol.status is hd.Status.RHS_FAILED
 
 
+@pytest.mark.filterwarnings("ignore::hereditary.SolveWarning")
 @pytest.mark.parametrize(("order", "rtol"), [(0.6, 1e-4), (0.8, 1e-6), (1.5, 1e-6), (1.8, 1e-10)])
 def test_a_relay_does_not_blow_up_where_the_solution_crosses_zero(order, rtol):
     """There y grows in no time from nothing; it never gets to be as large as it was."""
@@ -184,6 +174,4 @@ def test_a_relay_does_not_blow_up_where_the_solution_crosses_zero(order, rtol):
     for size in (0.3, 1.0, 3.0):
         params, relay = [size], hd.Caputo(order)
         equation = hd.Equation(relay, lambda t, y, p: -p[0] * np.sign(y) - y, y0, params=params)
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore", hd.SolveWarning)
-            assert hd.solve(equation, 20.0, rtol=rtol).status != "blown_up"
+        assert hd.solve(equation, 20.0, rtol=rtol).status != "blown_up"

@@ -4,6 +4,7 @@ from math import gamma
 
 import numpy as np
 import pytest
+from solver.runs import at_end, completed, errors_of, event, warned
 
 import hereditary as hd
 
@@ -12,6 +13,10 @@ C = hd.Caputo
 
 def first(t, y):
     return y[0]
+
+
+def second(t, y):
+    return y[1]
 
 
 def relay(t, x):
@@ -24,8 +29,7 @@ def test_an_algebraic_row_that_jumps_is_checked_on_the_side_of_the_start():
         return np.array([(2.0 if cold else 0.6) - y[0], (1.0 if cold else 3.0) - y[1]])
 
     eq = hd.Equation(np.array([1.0, 0.0]) * C(1), heated, [0.0, 1.0])
-    sol = hd.solve(eq, 2.0, rtol=1e-8, switches=lambda t, y: y[0] - 0.5)
-    assert sol.success
+    sol = completed(eq, 2.0, rtol=1e-8, switches=lambda t, y: y[0] - 0.5)
     assert np.abs(sol.y[-1] - [0.6 - 0.1 * np.exp(np.log(4 / 3) - 2), 3.0]).max() < 1e-8
 
 
@@ -45,8 +49,7 @@ def test_pieces_of_a_fractional_relay_add_up():
     """x = 1 - t**a / Gamma(1+a) + 2 sum of (t - t_k)**a / Gamma(1+a), alternating."""
     a = 1.5
     eq = hd.Equation(C(a), relay, [1.0, 0.0])
-    with pytest.warns(hd.SolveWarning, match="slides"):  # crossings pile up
-        sol = hd.solve(eq, 10.0, rtol=1e-10, switches=first, events=first)
+    sol = warned("slides", eq, 10.0, rtol=1e-10, switches=first, events=first)
     times = sol.t_events[0]
     signs = 2.0 * (-1.0) ** np.arange(times.size)
 
@@ -64,18 +67,15 @@ def test_pieces_of_a_fractional_relay_add_up():
 
 
 def test_a_force_that_grows_at_a_switch():
-    a = 0.7
+    a, level = 0.7, {"switches": lambda t, y: y[0] - 1}
     eq = hd.Equation(C(a), lambda t, y: 1.0 if y[0] < 1 else 2.0, 0.0)
-    sol = hd.solve(eq, 3.0, rtol=1e-10, switches=lambda t, y: y[0] - 1)
+    sol = hd.solve(eq, 3.0, rtol=1e-10, **level)
     begin = gamma(1 + a) ** (1 / a)
     exact = (sol.t**a + np.maximum(sol.t - begin, 0) ** a) / gamma(1 + a)
     apart = np.abs(sol.t - begin) > 1e-12  # rounding of the time at the switch counts by its power
     assert apart.sum() >= apart.size - 2
     assert np.abs(sol.y[:, 0] - exact)[apart].max() < 1e-11
-    errors = []
-    for n in (1000, 2000):
-        steps = hd.solve(eq, 3.0, n, switches=lambda t, y: y[0] - 1)
-        errors.append(abs(steps.y[-1, 0] - exact[-1]))
+    errors = errors_of(at_end, exact[-1], (1000, 2000), eq, 3.0, **level)
     assert errors[1] < 1e-2
     assert errors[1] < errors[0] / 1.6
 
@@ -85,8 +85,7 @@ def test_a_force_that_grows_at_a_switch():
 def test_sliding_is_told_and_not_marched(a, how):
     """Both sides push towards y = 1, which is reached at Gamma(1+a)**(1/a)."""
     eq = hd.Equation(C(a), lambda t, y: 1.0 if y[0] < 1 else -0.5, 0.0)
-    with pytest.warns(hd.SolveWarning, match="slides along a switch"):
-        sol = hd.solve(eq, 3.0, **how, switches=lambda t, y: y[0] - 1)
+    sol = warned("slides along a switch", eq, 3.0, **how, switches=lambda t, y: y[0] - 1)
     assert sol.status is hd.Status.SLIDING
     assert not sol
     near = 1e-9 if "rtol" in how else 1e-2
@@ -95,18 +94,21 @@ def test_sliding_is_told_and_not_marched(a, how):
     assert sol.stats["n_steps"] < 2000
 
 
-def coulomb(t, y):
-    return np.array([y[1], -y[0] - 0.3 * np.sign(y[1])])
+COULOMB = hd.Equation(
+    C(1.0), lambda t, y: np.array([y[1], -y[0] - 0.3 * np.sign(y[1])]), [2.0, 0.0]
+)
 
 
-def test_coulomb_friction_loses_the_same_amplitude_each_half_period():
-    eq = hd.Equation(C(1.0), coulomb, [2.0, 0.0])
-    speed = lambda t, y: y[1]  # noqa: E731
-    with pytest.warns(hd.SolveWarning, match="slides"):  # it sticks where |x| < 0.3
-        sol = hd.solve(eq, 20.0, rtol=1e-9, switches=speed, events=speed)
-    assert np.abs(sol.t_events[0] / np.pi - [1, 2, 3]).max() < 1e-9
-    assert np.abs(sol.y_events[0][:, 0] - [-1.4, 0.8, -0.2]).max() < 1e-9
-    assert sol.t[-1] == pytest.approx(3 * np.pi, abs=1e-9)
+@pytest.mark.parametrize("how", [{"rtol": 1e-9}, {"n_steps": 20_000}], ids=str)
+def test_coulomb_friction_loses_the_same_amplitude_each_half_period(how):
+    """It sticks where abs(x) < 0.3, and sticks again where it goes on."""
+    sol = warned("slides", COULOMB, 20.0, **how, switches=second, events=second)
+    if "rtol" in how:
+        assert np.abs(sol.t_events[0] / np.pi - [1, 2, 3]).max() < 1e-9
+        assert np.abs(sol.y_events[0][:, 0] - [-1.4, 0.8, -0.2]).max() < 1e-9
+        assert sol.t[-1] == pytest.approx(3 * np.pi, abs=1e-9)
+    rest = warned("slides", COULOMB, 40.0, resume=sol.state, switches=second)
+    assert rest.t[-1] - sol.t[-1] < 0.02
 
 
 def test_friction_with_memory_against_small_steps():
@@ -115,20 +117,11 @@ def test_friction_with_memory_against_small_steps():
     def driven(t, y):
         return np.array([y[1], -y[0] - 0.2 * np.sign(y[1]) + 2.0 * np.cos(1.5 * t)])
 
-    def speed(t, y):
-        return y[1]
-
-    terms = C(1.0) + np.array([0.0, 0.4]) * C(0.5)
-    eq = hd.Equation(terms, driven, [0.0, 1.0])
-    sol = hd.solve(eq, 15.0, rtol=1e-9, switches=speed, events=speed)
-    assert sol.success
+    eq = hd.Equation(C(1.0) + np.array([0.0, 0.4]) * C(0.5), driven, [0.0, 1.0])
+    sol = completed(eq, 15.0, rtol=1e-9, switches=second, events=second)
     assert sol.t_events[0].size >= 5
-    plain = hd.solve(eq, 15.0, rtol=1e-7)
-    assert np.abs(plain.y[-1] - sol.y[-1]).max() < 1e-5
-    errors = []
-    for n in (4000, 16_000):
-        steps = hd.solve(eq, 15.0, n, switches=speed)
-        errors.append(np.abs(steps.y[-1] - sol.y[-1]).max())
+    assert np.abs(hd.solve(eq, 15.0, rtol=1e-7).y[-1] - sol.y[-1]).max() < 1e-5
+    errors = errors_of(at_end, sol.y[-1], (4000, 16_000), eq, 15.0, switches=second)
     assert errors[1] < 1e-2
     assert errors[1] < errors[0] / 2.5
 
@@ -137,18 +130,14 @@ def test_switches_with_memory_read_another_start_and_a_jacobian():
     def rhs(t, y, memory):
         return np.array([-0.5 * memory[0, 0] + (1.2 if y[0] > t - 4.0 else 0.3)])
 
-    def later(t, y):
-        return y[0] - (t - 4.0)
-
-    eq = hd.Equation(C(0.9), rhs, 0.0, memory=C(0.3), t_start=2.0)
-    sol = hd.solve(eq, 12.0, rtol=1e-9, switches=later, events=later)
-    assert sol.success
+    later = [lambda t, y: y[0] - (t - 4.0)]
+    eq, how = hd.Equation(C(0.9), rhs, 0.0, memory=C(0.3), t_start=2.0), {"switches": later}
+    sol = completed(eq, 12.0, rtol=1e-9, **how, events=later)
     assert sol.t_events[0].size == 1
-    errors = []
-    for n in (4000, 16_000):
-        steps = hd.solve(eq, 12.0, n, scheme=hd.L1(), switches=later, events=later)
-        assert abs(steps.t_events[0][0] - sol.t_events[0][0]) < 30 / n
-        errors.append(abs(steps.y[-1, 0] - sol.y[-1, 0]))
+    how |= {"events": later, "scheme": hd.L1()}
+    late = errors_of(lambda run: run.t_events[0], sol.t_events[0], (4000, 16_000), eq, 12.0, **how)
+    assert np.all(np.less(late, [30 / 4000, 30 / 16_000]))
+    errors = errors_of(at_end, sol.y[-1], (4000, 16_000), eq, 12.0, **how)
     assert errors[1] < 2e-3
     assert errors[1] < errors[0] / 2.5
     given = hd.Equation(C(2.0), relay, [1.0, 0.0], jac=lambda t, x: np.zeros((1, 1)))
@@ -172,16 +161,12 @@ def test_a_start_on_the_switch_finds_its_side():
         sol = hd.solve(eq, 3.0, rtol=1e-9, switches=first, events=first)
         assert abs(sol(1.0)[0] - speed / 2) < 1e-9
         assert sol.t_events[0] == pytest.approx([2.0], abs=1e-9)
-    with pytest.warns(hd.SolveWarning, match="slides"):
-        stuck = hd.solve(hd.Equation(C(0.8), relay, 0.0), 3.0, rtol=1e-9, switches=first)
+    stuck = warned("slides", hd.Equation(C(0.8), relay, 0.0), 3.0, rtol=1e-9, switches=first)
     assert stuck.t[-1] == 0.0
 
 
 def test_a_change_may_carry_y_across_a_switch():
-    def across(t, y):
-        return t - 1.0
-
-    across.change = lambda t, y: -y
+    across = event(lambda t, y: t - 1.0, change=lambda t, y: -y)
     eq = hd.Equation(C(1.0), lambda t, y: np.array([1.0]) if y[0] > 0 else np.array([-2.0]), 1.0)
     sol = hd.solve(eq, 2.0, rtol=1e-9, switches=first, events=across)
     assert sol.y[-1, 0] == pytest.approx(-2.0 - 2.0, abs=1e-9)
@@ -190,67 +175,38 @@ def test_a_change_may_carry_y_across_a_switch():
 def test_two_switches_at_once():
     """A square of forces: each changes its own."""
     eq = hd.Equation(C(2.0), lambda t, y: -np.sign(y), [[1.0, 0.5], [0.0, 0.0]])
-    switches = [lambda t, y: y[0], lambda t, y: y[1]]
+    switches = [first, second]
     sol = hd.solve(eq, 10.0, rtol=1e-9, switches=switches, events=switches)
     assert np.abs(sol.t_events[0] - np.sqrt(2) * np.arange(1, 8, 2)).max() < 1e-11
     assert np.abs(sol.t_events[1] - np.arange(1, 10, 2)).max() < 1e-11
 
 
-def pulled(t, x, p):
-    return -p * np.sign(x)
-
-
-def second(t, y):
-    return y[1]
-
-
 @pytest.mark.parametrize("ratio", [1.0, 3.0, 0.7])
 def test_switches_that_coincide_are_both_seen(ratio):
     """The same motion in two sizes."""
-    eq = hd.Equation(C(2.0), pulled, [[1.0, ratio], [0.0, 0.0]], params=[1.0, ratio])
-    sol = hd.solve(eq, 10.0, rtol=1e-9, switches=[first, second])
-    assert sol.success
+    eq = hd.Equation(
+        C(2.0), lambda t, x, p: -p * np.sign(x), [[1.0, ratio], [0.0, 0.0]], params=[1.0, ratio]
+    )
+    sol = completed(eq, 10.0, rtol=1e-9, switches=[first, second])
     assert np.abs(sol.y[:, 1] - ratio * sol.y[:, 0]).max() < 1e-7
     assert abs(sol.y[-1, 0] - 0.137085) < 1e-5
 
 
-def stepping(t, y):
-    return np.where(y > 0, -1.0, -2.0)
+STEPPING = hd.Equation(C(1.0), lambda t, y: np.where(y > 0, -1.0, -2.0), 1.0)
 
 
 @pytest.mark.parametrize("apart", [0.0, 1e-14, 1e-13, 5e-13, 1e-12, 1e-9])
 def test_switches_next_to_each_other(apart):
-    eq = hd.Equation(C(1.0), stepping, [1.0, 1.0 + apart])
-    sol = hd.solve(eq, 3.0, rtol=1e-9, switches=[first, second])
-    assert sol.success
+    eq = hd.Equation(C(1.0), STEPPING.rhs, [1.0, 1.0 + apart])
+    sol = completed(eq, 3.0, rtol=1e-9, switches=[first, second])
     assert np.abs(sol.y[-1] + 4.0).max() < 1e-8
 
 
 @pytest.mark.parametrize("beside", [-1e-12, -1e-13, 1e-13, 1e-12])
 def test_runs_that_end_next_to_a_switch_go_on(beside):
-    eq = hd.Equation(C(1.0), stepping, 1.0)
-    part = hd.solve(eq, 1.0 + beside, rtol=1e-9, switches=first)
-    assert part.success
-    rest = hd.solve(eq, 3.0, resume=part.state, switches=first)
+    part = completed(STEPPING, 1.0 + beside, rtol=1e-9, switches=first)
+    rest = hd.solve(STEPPING, 3.0, resume=part.state, switches=first)
     assert abs(rest.y[-1, 0] + 4.0) < 1e-8
-
-
-def test_a_run_that_slides_slides_again():
-    eq = hd.Equation(C(1.0), coulomb, [2.0, 0.0])
-
-    def speed(t, y):
-        return y[1]
-
-    for how in ({"rtol": 1e-9}, {"n_steps": 20_000}):
-        with pytest.warns(hd.SolveWarning, match="slides"):
-            sol = hd.solve(eq, 20.0, **how, switches=speed)
-        with pytest.warns(hd.SolveWarning, match="slides"):
-            rest = hd.solve(eq, 40.0, resume=sol.state, switches=speed)
-        assert rest.t[-1] - sol.t[-1] < 0.02
-
-
-def square_wave(t, y):
-    return np.sign(np.sin(t))
 
 
 def sine(t, y):
@@ -260,8 +216,9 @@ def sine(t, y):
 @pytest.mark.parametrize("alpha", [0.3, 0.7, 1.0])
 @pytest.mark.parametrize("rtol", [1e-6, 1e-9, 1e-11])
 def test_a_switch_of_time_alone(alpha, rtol):
-    sol = hd.solve(hd.Equation(C(alpha), square_wave, 0.0), 10.0, rtol=rtol, switches=sine)
-    assert sol.success
+    sol = completed(
+        hd.Equation(C(alpha), lambda t, y: np.sign(np.sin(t)), 0.0), 10.0, rtol=rtol, switches=sine
+    )
     starts = np.pi * np.arange(4)
     exact = np.array([1.0, -2.0, 2.0, -2.0]) @ (10.0 - starts) ** alpha / gamma(1 + alpha)
     assert abs(sol.y[-1, 0] - exact) < 10 * rtol
@@ -272,15 +229,10 @@ def test_errors_at_a_switch_are_no_sliding(rtol):
     """Where the switch is found y errs by the tolerance; the force only grows there."""
     a, start = 0.8, 0.3
     eq = hd.Equation(C(a), lambda t, y: 1.0 + 3.0 * (y[0] > 1.0), start)
-    sol = hd.solve(eq, 1.5, rtol=rtol, switches=first_minus_1)
-    assert sol.success
+    sol = completed(eq, 1.5, rtol=rtol, switches=lambda t, y: y[0] - 1.0)
     tau = ((1.0 - start) * gamma(1 + a)) ** (1 / a)
     exact = start + (1.5**a + 3.0 * (1.5 - tau) ** a) / gamma(1 + a)
     assert sol.y[-1, 0] == pytest.approx(exact, rel=5 * rtol)
-
-
-def first_minus_1(t, y):
-    return y[0] - 1.0
 
 
 REST = 0.5
@@ -291,17 +243,9 @@ def resting(t, y):
     return np.array([(0.0 if y[1] > 0.0 else 1.5) - y[0], -1.0])
 
 
-def clock(t, y):
-    return y[1]
-
-
 def spike(rest):
-    def fire(t, y):
-        return y[0] - 1.0
-
-    fire.direction = 1
-    fire.change = lambda t, y: np.array([0.0, rest])
-    return fire
+    change = lambda t, y: np.array([0.0, rest])  # noqa: E731
+    return event(lambda t, y: y[0] - 1.0, direction=1, change=change)
 
 
 @pytest.mark.parametrize("t_end", [6.0, 10.0, 20.0])
@@ -309,8 +253,7 @@ def spike(rest):
 def test_a_refractory_period_ends_at_the_end_of_a_step_or_elsewhere(rest, t_end):
     """Without memory v rests at 0, and a first step after the spike may be 0.5 long."""
     neuron = hd.Equation(hd.Caputo([1.0, 1.0]), resting, [0.0, 0.0])
-    sol = hd.solve(neuron, t_end, rtol=1e-9, events=spike(rest), switches=clock)
-    assert sol.success
+    sol = completed(neuron, t_end, rtol=1e-9, events=spike(rest), switches=second)
     period = np.log(3) + rest
     expected = np.log(3) + period * np.arange(1 + int((t_end - np.log(3)) / period))
     assert sol.t_events[0] == pytest.approx(expected, abs=1e-8)
@@ -318,7 +261,7 @@ def test_a_refractory_period_ends_at_the_end_of_a_step_or_elsewhere(rest, t_end)
 
 def test_a_refractory_period_with_memory_equals_one_at_known_times():
     neuron = hd.Equation(hd.Caputo([0.8, 1.0]), resting, [0.0, 0.0])
-    sol = hd.solve(neuron, 10.0, rtol=1e-9, events=spike(REST), switches=clock)
+    sol = hd.solve(neuron, 10.0, rtol=1e-9, events=spike(REST), switches=second)
     (spikes,) = sol.t_events
 
     def driven(t, v, p):
