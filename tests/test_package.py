@@ -46,8 +46,8 @@ PAGES = [
     "start", "equations", "functions", "resuming", "choosing", "faq", "lyapunov", "step",
     "collocation", "kernels", "memory_terms", "varying_orders", "derivatives", "viscoelastic",
     "events", "cannot_see", "sweeps", "fitting", "chaos", "frequency_response", "scenes", "recipes",
-    "delays", "distributed_memory", "algebraic_rows", "maps", "noise", "coming_from", "which_derivative",
-    "large_systems",
+    "delays", "distributed_memory", "algebraic_rows", "maps", "noise",
+    "coming_from", "which_derivative", "large_systems",
 ]  # fmt: skip
 
 

@@ -278,3 +278,22 @@ def test_noise_ends_early_and_algebraic_rows_restart():
     sol = completed(equation, 10.0, rtol=1e-6)
     truth = hd.solve(equation, 10.0, rtol=1e-8, breaks=[3.3])
     np.testing.assert_allclose(sol.y[-1], truth.y[-1], rtol=1e-6)
+
+
+def infusions(t, y, p):
+    """p: period, length, decay, phase, frequency of another force."""
+    return (1.0 if (t + p[3]) % p[0] < p[1] else 0.0) + np.sin(p[4] * t) - p[2] * y
+
+
+@pytest.mark.parametrize("length", [2.0, 0.5])
+def test_pulses_in_long_steps_are_seen(length):
+    """Ten pulses of a 120th and of a 480th of the run, in long steps that a slow force makes."""
+    for alpha in (0.7, 1.0):
+        for phase in np.linspace(0.0, 23.0, 8):
+            params = [24.0, length, 0.1, phase, 0.3]
+            equation = hd.Equation(hd.Caputo(alpha), infusions, 1.0, params=params)
+            edges = np.add.outer(24.0 * np.arange(11) - phase, [0.0, length]).ravel()
+            truth = hd.solve(equation, 240.0, rtol=1e-7, breaks=edges[(edges > 0) & (edges < 240)])
+            sol = hd.solve(equation, 240.0, rtol=1e-4, max_steps=5000)
+            assert sol.success
+            assert np.abs(sol.y - truth(sol.t)).max() <= 1e-4 * np.abs(sol.y).max()
