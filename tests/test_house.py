@@ -35,12 +35,12 @@ def test_files_and_functions_are_small():
 # Most lines of code of each room, without docstrings, comments and blank lines. They only fall: who
 # needs lines takes them from the same room.
 BUDGETS = {
-    "collocation": 5298,
-    "given": 3674,
+    "collocation": 5294,
+    "given": 3672,
     "solver": 2429,
     "analysis": 2388,
     "compiled": 1921,
-    "top": 1742,
+    "top": 1738,
     "equation": 1676,
     "kernels": 1508,
     "functions": 958,

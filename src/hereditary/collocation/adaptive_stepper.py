@@ -717,9 +717,10 @@ class AdaptiveStepper(ResumableStepper, TangentStepper, JumpingStepper):
         if of_y and self.system.frame.speeds and self.system.algebraic.any():
             required = "change no y where the matrix in front of a derivative has rows of zeros"
             refuse(moving, required, kinds, "state coefficients of shape (d,)")
-        if of_y and self.system.from_zero:
-            required = "change no y beside RiemannLiouville, which takes jumps for derivatives"
-            refuse(moving, required, kinds)
+        for operator, _ in self.system.left:
+            if of_y and operator.derivative and not operator.definition.subtracts_start:
+                required = f"change no y beside {operator}, which takes jumps for derivatives"
+                refuse(moving, required, kinds)
 
     def limit_rows(self, most: int) -> None:
         """Let `advance` make at most so many steps, so that a run looks at its time more often."""

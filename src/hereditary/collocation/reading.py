@@ -179,7 +179,7 @@ class Reduced(NamedTuple):
 def reduced(system: System) -> Reduced:
     """Return the `Reduced` system, in which components replace the memory that f reads."""
     for operator, _ in system.left:
-        if operator.from_zero or operator.varies:
+        if operator.lower(0) is None:
             required = "hold Caputo operators of constant order and kernels with Collocation, where"
             refuse("terms", f"{required} memory is read", f"{operator}", "take L1")
     return _Reduction(system).result()
