@@ -35,10 +35,10 @@ def test_files_and_functions_are_small():
 # Most lines of code of each room, without docstrings, comments and blank lines. They only fall: who
 # needs lines takes them from the same room.
 BUDGETS = {
-    "collocation": 5294,
+    "collocation": 5292,
     "given": 3672,
-    "solver": 2429,
-    "analysis": 2388,
+    "solver": 2425,
+    "analysis": 2386,
     "compiled": 1921,
     "top": 1738,
     "equation": 1676,
@@ -46,7 +46,7 @@ BUDGETS = {
     "functions": 958,
     "paper": 705,
     "scenes": 665,
-    "stepping": 472,
+    "stepping": 466,
     "support": 374,
     "plots": 354,
 }
