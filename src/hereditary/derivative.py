@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -16,7 +15,7 @@ from scipy.special import rgamma
 from .equation.operators import Summand
 from .equation.statement import as_terms, factors_of
 from .equation.system import System
-from .equation.terms import ConstantOrder, SystemTerm
+from .equation.terms import SystemTerm
 from .given.schemes.l1 import L1
 from .given.schemes.l2 import L2
 from .given.schemes.l12 import L12
@@ -176,11 +175,12 @@ class _Known:
         return total[:, 0] if self.flat else total
 
     def _at_start(self, operator: Any, columns: Any) -> Any:
-        """Return the part of a Riemann-Liouville derivative that comes from y(0), (n, k)."""
-        if not operator.from_zero:
+        """Return what y(0) adds to the derivative of y - y(0), (n, k); it may be infinite at 0."""
+        if operator.definition.subtracts_start or not operator.derivative:
             return 0.0
+        factor, exponent = operator.definition.of_start(operator.order)
         with np.errstate(divide="ignore"):
-            weights = rgamma(1 - operator.order) * self.times**-operator.order
+            weights = factor * self.times**exponent
         y0 = self.y0[columns]
         return np.where(y0 == 0, 0.0, np.multiply.outer(weights, np.where(y0 == 0, 1.0, y0)))
 
@@ -208,11 +208,7 @@ class _Data(_Known):
         if operator.derivative > 1:
             for _ in range(operator.derivative - 1):
                 values = np.gradient(values, self.times, axis=0, edge_order=2)
-            lower = operator.order - operator.derivative + 1
-            is_kernel = operator.kernel is not None
-            operator = replace(operator, derivative=1) if is_kernel else ConstantOrder(lower)
-        elif operator.from_zero:
-            operator = ConstantOrder(operator.order)
+            operator = operator.lower(operator.derivative - 1)
         system = System([SystemTerm(operator, np.ones(1))], np.zeros((1, 1)))
         self._scheme.check_terms(system)
         found = np.zeros_like(values)

@@ -387,7 +387,7 @@ def _run(equation: Equation, stepping: _Stepping, options: LyapunovOptions) -> L
         stepper, _ = opened(system, directions=directions)
         stepper.norm = norm
     stepper.set_breaks(checked_breaks(options.breaks, start), t_end)
-    plain = memory(system) == "none" and not equation.system.is_memory.any()
+    plain = memory(system) == "none" and not equation.system.reads
     flow = Divergence(system, h) if mode == "tangent" and plain and k == most else None
     unit = stepper.stop_at(h).position
     schedule = record(SCHEDULE, transient=transient, end=n, longest=max(1, n // _RECORDS))
@@ -455,7 +455,7 @@ def _found(
 def _without_jumps(result: LyapunovResult, system: System, states: list[_Moment]) -> LyapunovResult:
     """Return the result; without verdicts, and with a warning, if f jumps along the orbit."""
     # jumps of an f that reads memory are not detected
-    if system.is_memory.any() or system.delays or not _jumps(system, states):
+    if system.reads or system.delays or not _jumps(system, states):
         return result
     clause = f"{_TANGENTS_MISS_JUMPS}: smooth it, for example sign(x) as tanh(x / eps), and let "
     clause += "eps decrease, or take mode='pair' with a separation of 1e-3 to 1e-2"
@@ -506,7 +506,7 @@ def _grow(
     """March to the end, renormalise tangents meanwhile, and append some (t, y) to `states`."""
     # returns the `Ending` of a march that ended early, or None; the mark of each renormalisation,
     # and the logarithms of the growth since the one before, (n, 1 + k)
-    grown, above_one = [np.empty((0, 1 + stepper.tangent.shape[1]))], stepper.system.above_one
+    grown = [np.empty((0, 1 + stepper.tangent.shape[1]))]
     end = int(schedule["end"]) * float(schedule["unit"])
     states.append((stepper.t, stepper.y))
 
@@ -516,7 +516,7 @@ def _grow(
         if piece is not None and (few or piece.edges().size > _STATES):
             times, every = piece.edges(), 1 + piece.edges().size // _STATES
             times = times[every::every]
-            states.extend(zip(times.tolist(), piece.evaluate(times, above_one, 0), strict=True))
+            states.extend(zip(times.tolist(), piece.evaluate(times, 0), strict=True))
         states.append((stepper.t, stepper.y))
         grown.append(logs)
         if flow is not None and piece is not None:
@@ -568,7 +568,7 @@ class Divergence:
         first = self._last + self._ahead.size
         if first > n:
             return
-        rows = piece.evaluate(self._h * np.arange(first, n + 1), np.zeros(1, dtype=bool), 0)
+        rows = piece.evaluate(self._h * np.arange(first, n + 1), 0)
         self._ahead = np.append(self._ahead, self._traces(first, rows))
         self.up_to(n_last)
 
@@ -686,7 +686,7 @@ def _second_order(equation: Equation) -> Scheme | None:
     system = equation.system
     if not system.constant:
         return None
-    if system.is_memory.any():
+    if system.reads:
         return BDF(2)
     distinct, _ = marched(system, Adams()).distinct
     orders = [operator.order for key in distinct for _, operator in key]

@@ -244,8 +244,6 @@ def _between_steps(stepper: Any, times: np.ndarray, made: Callable[[], None]) ->
     """March by steps of a tolerance; return rows ((1 + k) d,) at times between."""
     stepper.keep_tangents()
     rows = [_columns(stepper)] if times[0] == 0.0 else []
-    d = stepper.y.size
-    above_one = np.tile(stepper.system.above_one, _columns(stepper).size // d)
     while stepper.position < times[-1] and not stepper.failure:
         piece = stepper.advance(times[-1])
         made()
@@ -253,7 +251,7 @@ def _between_steps(stepper: Any, times: np.ndarray, made: Callable[[], None]) ->
             continue
         reached = int(np.searchsorted(times, stepper.t, side="right"))
         if reached > len(rows):
-            rows.extend(piece.evaluate(times[len(rows) : reached], above_one, 0))
+            rows.extend(piece.evaluate(times[len(rows) : reached], 0))
     return rows
 
 

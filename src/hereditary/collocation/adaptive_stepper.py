@@ -262,7 +262,7 @@ class AdaptiveStepper(ResumableStepper, TangentStepper, JumpingStepper):
             return None
         *piece, errors = [array[:n] for array in steps]
         self._largest_error = max(self._largest_error, float(errors.max()))
-        return PolynomialPieces(*piece)
+        return PolynomialPieces(self._above_one, *piece)
 
     def _note_jump(self, status: int) -> int:
         """Let the march restart at a jump of f that it found; return the status to go on with."""
@@ -407,7 +407,8 @@ class AdaptiveStepper(ResumableStepper, TangentStepper, JumpingStepper):
                 self._largest_error = max(self._largest_error, float(steps.errors[0]))
                 self._ending, self._crossed = None, False
                 self._finish_singular_start(h, variable, values, t_stop)
-                return FirstPiece(variable, t, h, steps.p[0], *steps.at_starts[0])
+                start = variable, t, h, steps.p[0], *steps.at_starts[0]
+                return FirstPiece(self._above_one, *start)
             if trial.at_edge:  # a longer step may have let y grow by decades
                 self._state.sizes[:] = sizes
             # when Newton's method fails, the next step is a quarter of the last
@@ -563,6 +564,11 @@ class AdaptiveStepper(ResumableStepper, TangentStepper, JumpingStepper):
         values, speeds = self._view.values(self._orbit.x[1:], self._orbit.p[1:])
         return np.vstack([values.T, speeds[:, self.system.above_one].T])
 
+    @property
+    def _above_one(self) -> np.ndarray:
+        """True for components of orbit and kept tangents whose p is y'."""
+        return np.tile(self._form.above_one == 1, self._kept)
+
     def keep_tangents(self) -> None:
         """Let dense output include the tangents: d components of each follow those of the orbit."""
         self._kept = self._orbit.x.shape[0]
@@ -717,9 +723,10 @@ class AdaptiveStepper(ResumableStepper, TangentStepper, JumpingStepper):
         if of_y and self.system.frame.speeds and self.system.algebraic.any():
             required = "change no y where the matrix in front of a derivative has rows of zeros"
             refuse(moving, required, kinds, "state coefficients of shape (d,)")
-        if of_y and self.system.from_zero:
-            required = "change no y beside RiemannLiouville, which takes jumps for derivatives"
-            refuse(moving, required, kinds)
+        for operator, _ in self.system.left:
+            if of_y and operator.derivative and not operator.definition.subtracts_start:
+                required = f"change no y beside {operator}, which takes jumps for derivatives"
+                refuse(moving, required, kinds)
 
     def limit_rows(self, most: int) -> None:
         """Let `advance` make at most so many steps, so that a run looks at its time more often."""

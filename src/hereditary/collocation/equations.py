@@ -25,7 +25,6 @@ import numpy as np
 
 from ..compiled.jacobian import FEW
 from ..compiled.records import records
-from ..equation.orders import OrderFailed
 from ..equation.system import System
 from ..equation.terms import Operator, SystemTerm
 from ..support.checks import refuse
@@ -57,7 +56,8 @@ class Form:
     implicit: np.ndarray  # 1 by balance, 2 (`ALGEBRAIC`) without terms, else 0, (d,)
     kernels: tuple = ()  # general ones, whose indices follow those of the orders
     varying: tuple = ()  # orders, whose indices follow those of the kernels
-    from_zero: tuple[tuple[int, int], ...] = ()  # Riemann-Liouville: integrand, component
+    # integrand and component of terms with varying orders that act on y, 0 before the start
+    jumping: tuple[tuple[int, int], ...] = ()
 
     @cached_property
     def listed(self) -> list[tuple[int, int, int, float]]:
@@ -147,8 +147,8 @@ class Form:
                 continue
             powers = [self._start_power(k, integrand, t) for k in places]
             found.append(max(powers) if self.implicit[c] else min(powers))
-            if t == 0 and any(component == c for _, component in self.from_zero):
-                found[-1] -= max(float(op.sampled(np.zeros(1))[0][0]) for op in self.varying)
+            if t == 0 and any(component == c for _, component in self.jumping):
+                found[-1] -= max(operator.order_at(0.0) for operator in self.varying)
         return min(1.0, *found)
 
     def graded_first_step(self, t: float, left: float, atol: float, least: float = 0.0) -> float:
@@ -166,10 +166,7 @@ class Form:
             kernel = self.kernels[k - n_a]
             return kernel.singular_exponent or min((*kernel.generators, 1.0))
         order = self.varying[k - n_a - n_k]
-        values, failure = order.sampled(np.full(1, t))
-        if failure:
-            raise OrderFailed(failure)
-        return 1 - order.derivative + float(values[0])
+        return 1 - order.derivative + order.order_at(t)
 
 
 class Group(NamedTuple):
@@ -228,11 +225,13 @@ def _form_of(system: System) -> Form:
     rows: list[_Row] = []
     for c in range(system.d):
         if implicit[c]:
-            if any(op.from_zero and own[c] != 0 for op, own in system.left):
-                required = "have a constant order in front of RiemannLiouville, with Collocation"
-                required += ", and one of 1 or more where that of RiemannLiouville varies"
-                present = " and ".join(f"{op}" for op, own in system.left if own[c] != 0)
-                refuse("terms", required, present, "take L1")
+            present = [op for op, own in system.left if own[c] != 0]
+            for operator in present:
+                if operator.derivative and not operator.definition.subtracts_start:
+                    name = operator.definition.name
+                    required = f"have a constant order in front of {name}, with Collocation"
+                    required += f", and one of 1 or more where that of {name} varies"
+                    refuse("terms", required, " and ".join(map(str, present)), "take L1")
             rows += _derivative_rows(system, c, above_one[c])
         elif leading[c] == 0:
             required = "leave a nonzero coefficient before the highest order"
@@ -264,23 +263,24 @@ def _form_of(system: System) -> Form:
         implicit,
         tuple(kernels),
         tuple(varying),
-        _from_zero(rows, system.d),
+        _jumping(rows, system.d),
     )
 
 
-def _from_zero(rows: list[_Row], d: int) -> tuple[tuple[int, int], ...]:
-    """Return integrand and component of each Riemann-Liouville term with a varying order."""
-    # refuses a component that mixes them with Caputo terms of varying order
+def _jumping(rows: list[_Row], d: int) -> tuple[tuple[int, int], ...]:
+    """Return integrand and component of each term with a varying order that acts on y itself."""
+    # refuses a component that mixes them with terms of varying order that act on y - y(0)
     found: dict[tuple[int, int], list] = {}
     for row in rows:
         if row.operator is not None and row.operator.varies:
             kinds = found.setdefault((row.integrand, row.row % d), [])
             kinds.append(row.operator)
     for kinds in found.values():
-        if len({operator.from_zero for operator in kinds}) > 1:
-            required = "not mix Caputo's and RiemannLiouville orders that vary, with Collocation"
+        if len({operator.definition.subtracts_start for operator in kinds}) > 1:
+            names = " and ".join(operator.definition.name for operator in kinds)
+            required = f"not mix orders that vary of {names}, with Collocation"
             refuse("terms", required, " and ".join(map(str, kinds)), "take L1 or ExplicitCaputo")
-    return tuple(place for place, kinds in found.items() if kinds[0].from_zero)
+    return tuple(place for place, kinds in found.items() if not kinds[0].definition.subtracts_start)
 
 
 def _is_implicit(system: System, c: int, highest: float) -> bool:
@@ -317,7 +317,7 @@ def _integral_rows(
                 rows.append(_subtracted_row(operator, coefficients[c], c, system.d, above_one))
             continue
         a = float(highest - operator.order)
-        taken = not operator.from_zero  # true for Caputo: an initial value is subtracted
+        taken = operator.definition.subtracts_start
         if not above_one or operator.order > 1:
             rows.append(_Row(c, PRIMARY, factor, a, offset=1 * taken))
         elif a <= 1:

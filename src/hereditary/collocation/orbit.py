@@ -169,9 +169,9 @@ class OrbitAndTangents:
         self.before = self.modes.copy()
 
     def _take_start(self, modes: slice | np.ndarray) -> None:
-        """Add y(0) of Riemann-Liouville terms to the modes with these indices, as a jump from 0."""
+        """Add y(0) to the modes with these indices where y jumps from 0 at the start."""
         d, unweighted = self.x.shape[1], self._form.unweighted.tolist()
-        for q, c in self._form.from_zero:
+        for q, c in self._form.jumping:
             row = (2 + unweighted.index(q)) * d + c
             self.modes[:, row, modes] += np.multiply.outer(self.x[:, c], self.of_varying[modes])
 

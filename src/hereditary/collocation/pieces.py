@@ -1,7 +1,7 @@
 """Pieces of dense output: the solution on collocation steps.
 
 Letters of shapes: d components, s or n nodes of a step, k times. The primary unknown p is y, or y'
-for orders above 1; `above_one` (d,) is true for these components.
+for orders above 1; a piece's `above_one` (d,) is true for these components.
 """
 
 from dataclasses import dataclass
@@ -33,6 +33,7 @@ class FirstPiece(Piece):
     # p is a polynomial of degree n in the variable u, a power of time; row has p at the n nodes, y
     # and p (d,) are at the start of the step
 
+    above_one: np.ndarray  # (d,)
     variable: Variable
     start: float  # [time]
     length: float  # [time]
@@ -44,7 +45,7 @@ class FirstPiece(Piece):
         """Return the start time of the step, (1,)."""
         return np.array([self.start])
 
-    def evaluate(self, t: np.ndarray, above_one: np.ndarray, derivative: int) -> np.ndarray:
+    def evaluate(self, t: np.ndarray, derivative: int) -> np.ndarray:
         """Return y, or y' for ``derivative=1``, at times t inside the step, (k, d)."""
         t = np.minimum(np.maximum((t - self.start) / self.length, 0.0), 1.0)
         with np.errstate(divide="ignore"):
@@ -52,12 +53,12 @@ class FirstPiece(Piece):
         if not derivative:
             p = self._first_value(self.row) + self._change(self.row, values)
             p[t == 0.0] = self.p
-            if not above_one.any():
+            if not self.above_one.any():
                 return p
             # y is the integral of p: t times the mean of p
             row = self.row @ means_at_nodes(self.variable).T
             means = self._first_value(row) + self._change(row, values)
-            return np.where(above_one, self.y + self.length * t[:, None] * means, p)
+            return np.where(self.above_one, self.y + self.length * t[:, None] * means, p)
         slopes = self._slopes(np.maximum(t, _MIN_SLOPE_TIME))
         if (t == 0.0).any():
             (near, far), (before, after) = _TOWARDS_0, self._slopes(np.array(_TOWARDS_0))
@@ -67,7 +68,7 @@ class FirstPiece(Piece):
             slopes[t == 0.0] = np.where(steep, np.copysign(np.inf, before), line)
         speeds = self._first_value(self.row) + self._change(self.row, values)
         speeds[t == 0.0] = self.p
-        return np.where(above_one, speeds, slopes)
+        return np.where(self.above_one, speeds, slopes)
 
     def _first_value(self, row: np.ndarray) -> np.ndarray:
         """Return p at the start of a row (d, n), or next to the start if p jumps there, (d,)."""
@@ -76,11 +77,11 @@ class FirstPiece(Piece):
         return np.where(moved, limit, self.p)
 
     def at_ends(
-        self, ends: np.ndarray, chosen: Any, above_one: np.ndarray, slopes: bool = True
+        self, ends: np.ndarray, chosen: Any, slopes: bool = True
     ) -> tuple[np.ndarray, np.ndarray]:
         """Return y and y' at the end of the step, (1, d) each, or (0, d) if it is not `chosen`."""
         # without slopes, y' is NaN if it is not p
-        p, n = self.row[:, -1], self.variable.n
+        p, n, above_one = self.row[:, -1], self.variable.n, self.above_one
         y, steep = p, np.nan
         if above_one.any():
             mean = self.row @ means_at_nodes(self.variable)[-1]
@@ -111,6 +112,7 @@ class FirstPiece(Piece):
 class PolynomialPieces(Piece):
     """Dense output on n consecutive ordinary steps with s nodes."""
 
+    above_one: np.ndarray  # (d,)
     starts: np.ndarray  # of each step, (n,) [time]
     lengths: np.ndarray  # (n,) [time]
     rows: np.ndarray  # p at the nodes, (n, d, s)
@@ -120,17 +122,15 @@ class PolynomialPieces(Piece):
         """Return the start time of each step, (n,)."""
         return self.starts
 
-    def evaluate(self, t: np.ndarray, above_one: np.ndarray, derivative: int) -> np.ndarray:
+    def evaluate(self, t: np.ndarray, derivative: int) -> np.ndarray:
         """Return y, or y' for ``derivative=1``, at times t inside the steps, (k, d)."""
-        return self._at(self._places(t), above_one, derivative)
+        return self._at(self._places(t), derivative)
 
-    def evaluate_both(
-        self, t: np.ndarray, above_one: np.ndarray, slopes: bool
-    ) -> tuple[np.ndarray, np.ndarray]:
+    def evaluate_both(self, t: np.ndarray, slopes: bool) -> tuple[np.ndarray, np.ndarray]:
         """Return y and y' at times t inside the steps, (k, d) each; NaN for y' without `slopes`."""
         places = self._places(t)
-        y = self._at(places, above_one, 0)
-        return y, self._at(places, above_one, 1) if slopes else np.full_like(y, np.nan)
+        y = self._at(places, 0)
+        return y, self._at(places, 1) if slopes else np.full_like(y, np.nan)
 
     def _places(self, t: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Return the steps of times t, (k,), their lengths (k, 1), and polynomials at t."""
@@ -139,14 +139,9 @@ class PolynomialPieces(Piece):
         x = 2 * np.minimum(np.maximum((t - self.starts[i]) / h, 0.0), 1.0) - 1
         return i, h[:, None], legendre_values(x, s).T
 
-    def _at(
-        self,
-        places: tuple[np.ndarray, np.ndarray, np.ndarray],
-        above_one: np.ndarray,
-        derivative: int,
-    ) -> np.ndarray:
+    def _at(self, places: tuple[np.ndarray, np.ndarray, np.ndarray], derivative: int) -> np.ndarray:
         """Return y, or y' for ``derivative=1``, (k, d), at times that `_places` has located."""
-        i, h, values = places
+        (i, h, values), above_one = places, self.above_one
         if not derivative and above_one.all():
             return self._positions(i, h, values)
         s = self.rows.shape[2]
@@ -174,10 +169,11 @@ class PolynomialPieces(Piece):
         return self.at_starts[i, 0] + h * np.einsum("kdj,kj->kd", self.rows[i], weights)
 
     def at_ends(
-        self, ends: np.ndarray, chosen: Any, above_one: np.ndarray, slopes: bool = True
+        self, ends: np.ndarray, chosen: Any, slopes: bool = True
     ) -> tuple[np.ndarray, np.ndarray]:
         """Return y and y' at the chosen ends of steps."""
         rows, h = self.rows[chosen], self.lengths[chosen, None]
+        above_one = self.above_one
         p, s, some = rows[:, :, -1], self.rows.shape[2], above_one.any()
         if not slopes and not some:
             return p, np.full(p.shape, np.nan)

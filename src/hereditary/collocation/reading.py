@@ -115,7 +115,7 @@ class Reading(Plain):
 
     def piece(self, piece: Piece) -> Piece:
         """Return the dense output of y from that of the system."""
-        return ReadingPiece(piece, self._speeds)
+        return ReadingPiece(piece, self._speeds, self.above_one, self.system.d)
 
     def widened(self, change: np.ndarray) -> np.ndarray:
         """Return the change of all components for a change of y or of all arguments of f."""
@@ -141,26 +141,24 @@ class ReadingPiece(Piece):
 
     inner: Piece
     speeds: np.ndarray  # (d,), number of the component that is y', for orders above 1
+    above_one: np.ndarray  # (d,)
+    n: int  # number of components of the larger system
 
     def edges(self) -> np.ndarray:
         """Return the start time of each step."""
         return self.inner.edges()
 
-    def evaluate(self, t: np.ndarray, above_one: np.ndarray, derivative: int) -> np.ndarray:
+    def evaluate(self, t: np.ndarray, derivative: int) -> np.ndarray:
         """Return y, or y' for ``derivative=1``, at times t inside the steps, (k, d)."""
-        shape = len(t), above_one.size
-        found = self._columns(t, above_one, derivative)[..., : self.speeds.size].reshape(shape)
-        if not derivative or not above_one.any():
-            return found
-        return np.where(
-            above_one, self._columns(t, above_one, 0)[..., self.speeds].reshape(shape), found
-        )
+        found = self._columns(t, derivative)[..., : self.speeds.size]
+        if derivative and self.above_one.any():
+            found = np.where(self.above_one, self._columns(t, 0)[..., self.speeds], found)
+        return found.reshape(len(t), found.shape[1] * self.speeds.size)
 
-    def _columns(self, t: np.ndarray, above_one: np.ndarray, derivative: int) -> np.ndarray:
+    def _columns(self, t: np.ndarray, derivative: int) -> np.ndarray:
         """Return all n components of orbit, column 0, and tangents at k times: (k, columns, n)."""
-        found = self.inner.evaluate(t, np.zeros(1, dtype=bool), derivative)
-        columns = above_one.size // self.speeds.size
-        return found.reshape(len(t), columns, found.shape[1] // columns)
+        found = self.inner.evaluate(t, derivative)
+        return found.reshape(len(t), found.shape[1] // self.n, self.n)
 
 
 class Reduced(NamedTuple):
@@ -179,7 +177,7 @@ class Reduced(NamedTuple):
 def reduced(system: System) -> Reduced:
     """Return the `Reduced` system, in which components replace the memory that f reads."""
     for operator, _ in system.left:
-        if operator.from_zero or operator.varies:
+        if operator.lower(0) is None:
             required = "hold Caputo operators of constant order and kernels with Collocation, where"
             refuse("terms", f"{required} memory is read", f"{operator}", "take L1")
     return _Reduction(system).result()

@@ -13,7 +13,6 @@ import numpy as np
 from scipy.special import rgamma
 
 from ..compiled.records import record
-from ..equation.orders import OrderFailed
 from ..equation.terms import VaryingOrder
 from ..kernels.exponential_sum import SLOW_NODES, bank_of_all_orders, weights_of_orders
 from .exponential_basis import GridBasis
@@ -86,10 +85,7 @@ class OrderTables:
             self.weights = np.zeros((len(self._varying), n, self._nodes.size))
         a = np.empty((len(self._varying), times.size))  # orders of integration at the nodes
         for row, order in zip(a, self._varying, strict=True):
-            values, failure = order.sampled(times)
-            if failure:
-                raise OrderFailed(failure)
-            row[:] = order.derivative - values
+            row[:] = order.derivative - order.at(times)
         self.integrals[:] = h ** a[:, :, None] * integrals_of_rows(self._nodes.size, a)
         weights, last = orbit.varying.weights(a.ravel()).reshape(-1, *a.shape), orbit.bank.n_real
         self.weights[:, last - len(weights) : last] = weights.swapaxes(0, 1)

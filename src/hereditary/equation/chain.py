@@ -26,16 +26,11 @@ from ..support.checks import refuse, shown
 from ..support.scaling import condition, inverse
 from .orders import merged_orders
 from .system import System, leading_orders
-from .terms import ConstantOrder, KernelOperator, Operator, SystemTerm
+from .terms import ConstantOrder, Operator, SystemTerm
 
 # Largest condition number of the matrix in front of the highest derivatives; larger ones are
 # refused.
 _MAX_CONDITION_NUMBER = 1e12
-# What to do about a Riemann-Liouville term beside a matrix.
-FROM_ZERO = (
-    "for C RiemannLiouville(gamma) below Caputo(alpha) solve D^alpha w = f and "
-    "D^(alpha - gamma) v = y from w = y(0), v = 0, where y = w - C v"
-)
 
 
 class Entry(NamedTuple):
@@ -61,10 +56,10 @@ def _solved(left: Sequence[SystemTerm], d: int) -> tuple[list[Entry], np.ndarray
     # the matrix is A^-1 of the module's docstring, which multiplies f
     where = "beside orders above 2 and coefficients that are matrices"
     for operator, _ in left:
-        if operator.varies or operator.from_zero:
+        if operator.lower(0) is None:
             required = f"be Caputo operators of constant order, or kernels, {where}"
-            beside_matrix = operator.from_zero and left[0].coefficients.ndim == 2
-            refuse("terms", required, f"{operator}", FROM_ZERO if beside_matrix else "")
+            remedy = operator.definition.instead if left[0].coefficients.ndim == 2 else ""
+            refuse("terms", required, f"{operator}", remedy)
     before = _highest_of_caputo(left, d)
     left = _summed(left)
     highest = _highest_of_caputo(left, d)
@@ -76,9 +71,7 @@ def _solved(left: Sequence[SystemTerm], d: int) -> tuple[list[Entry], np.ndarray
     if left[0].coefficients.ndim == 1:
         pairs = [(o, j, c[j]) for o, c in left for j in np.flatnonzero(c).tolist()]
         return [Entry(operator, j, j, float(c)) for operator, j, c in pairs], None
-    at_top = [
-        (matrix, operator.constant & (operator.order == highest)) for operator, matrix in left
-    ]
+    at_top = [(matrix, op.constant & (op.order == highest)) for op, matrix in left]
     leading = np.sum([np.where(top, matrix, 0.0) for matrix, top in at_top], axis=0)
     if condition(leading) > _MAX_CONDITION_NUMBER:
         required = "have an invertible matrix in front of the highest derivatives"
@@ -87,9 +80,8 @@ def _solved(left: Sequence[SystemTerm], d: int) -> tuple[list[Entry], np.ndarray
     entries = [Entry(ConstantOrder(float(highest[j])), j, j, 1.0) for j in range(d)]
     for (operator, matrix), (_, top) in zip(left, at_top, strict=True):
         below = of_f @ np.where(top, 0.0, matrix)
-        entries += [
-            Entry(operator, j, k, float(below[j, k])) for j, k in np.argwhere(below).tolist()
-        ]
+        places = np.argwhere(below).tolist()
+        entries += [Entry(operator, j, k, float(below[j, k])) for j, k in places]
     return entries, of_f
 
 
@@ -122,7 +114,7 @@ def chained(left: Sequence[SystemTerm], y0: np.ndarray, functions: Functions) ->
     lower, memory = list(links), dict[tuple[Any, int], int]()
     for operator, row, column, c in entries:
         k = max(min(operator.derivative, lengths[column]) - 1, 0)
-        of_last = _of_derivative(operator, k)
+        of_last = operator.lower(k)
         if row == column and places[column, k] == last[column]:
             own.append((of_last, last[column], c))
             continue
@@ -160,7 +152,7 @@ def _with_algebraic_rows(
     rows = np.flatnonzero(left[0].coefficients.any(axis=1)).tolist() if left else []
     matrix = left[0].coefficients[rows] if left else np.zeros((0, d))
     order = left[0].operator.order if len(left) == 1 and left[0].operator.constant else np.inf
-    if order > 1 or left[0].operator.from_zero:
+    if order > 1 or left[0].operator.lower(0) is None:
         required = "be one Caputo operator of order up to 1, where rows of its matrix are 0"
         remedy = "give each element a component of its own, with coefficients of shape (d,)"
         refuse("terms", required, " and ".join(f"{operator}" for operator, _ in left), remedy)
@@ -181,13 +173,6 @@ def _with_algebraic_rows(
     terms = [SystemTerm(ConstantOrder(order), further.astype(float))]
     system = System(terms, start, functions, of_y=of_y)
     return Chained(system, np.full(d, -1))
-
-
-def _of_derivative(operator: Any, k: int) -> Any:
-    """Return the operator that on the k-th derivative of y gives what `operator` gives on y."""
-    if operator.constant:
-        return ConstantOrder(operator.order - k)
-    return KernelOperator(operator.kernel, operator.derivative - k)
 
 
 def left_of(found: Sequence[tuple[Any, int, float]], width: int) -> list[SystemTerm]:

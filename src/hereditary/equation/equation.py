@@ -336,7 +336,7 @@ class Equation:
         y (d,) has real components. With `bandwidth`, `jac_sparsity` or `linear` the result may be a
         sparse CSR array of SciPy.
         """
-        if self.system.is_memory.any() or self.system.delays:
+        if self.system.reads or self.system.delays:
             required = "read no memory where its Jacobian by y alone is asked for"
             refuse("rhs", required, "memory", "or take differences of rhs(t, y, memory)")
         try:

@@ -54,8 +54,7 @@ def _term(term: Term) -> str:
             kernel = type(operator.kernel).__name__
         return f"{factor}&int; {html.escape(kernel)} y{primes}"
     power = _name(order, "alpha") + "(t)" if callable(order) else _plain(order)
-    kind = "<sub>RL</sub>" if "RiemannLiouville" in repr(operator) else ""
-    return f"{factor}D{kind}<sup>{power}</sup> y"
+    return f"{factor}D{operator.definition.mark}<sup>{power}</sup> y"
 
 
 def _number(coefficient: np.ndarray) -> str:

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import replace
-from typing import Any, Self
+from typing import Any, ClassVar, Self
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -19,7 +19,7 @@ from ..kernels.memory_kernel import MemoryKernel, ScaledKernel
 from ..kernels.named_kernels import PowerLaw
 from ..support.checks import instance, one_of, real_array, refuse, shown
 from .orders import HIGHEST, ROUNDING, derivative_order, rounded_order
-from .terms import ConstantOrder, KernelOperator, Operator, VaryingOrder
+from .terms import CAPUTO, ConstantOrder, Definition, KernelOperator, Parts, VaryingOrder
 
 # Remedy for a negative order, which means a fractional integral.
 _INTEGRAL = (
@@ -144,9 +144,12 @@ class Caputo(Summand):
     True
     """
 
+    definition: ClassVar[Definition] = CAPUTO
+
     def __init__(self, order: ArrayLike | Callable) -> None:
-        self.varying = VaryingOrder.from_function(order) if callable(order) else None
-        if self.varying is not None:
+        self.varying: VaryingOrder | None = None
+        if callable(order):
+            self.varying = VaryingOrder.from_function(order, self.definition)
             return
         orders = real_array("order", order, "be above 0", "give a number or one per component")
         orders = rounded_order(orders)
@@ -177,15 +180,18 @@ class Caputo(Summand):
         """Whether the order does not vary."""
         return self.varying is None
 
-    def parts(self, orders: np.ndarray) -> list[tuple[Operator, np.ndarray | bool]]:
+    def parts(self, orders: np.ndarray, origin: float = 0.0) -> Parts:
         """Return pairs of an operator and which components (d,) have it, True for all."""
-        # orders (d,): those of the components after rounding, ignored if the order varies
+        # orders (d,): those of the components after rounding, ignored if the order varies; origin:
+        # the user's time at time 0 of the operator
         if self.varying is not None:
-            return [(self.varying, True)]
-        return [(ConstantOrder(a), orders == a) for a in dict.fromkeys(orders.tolist())]
+            return [(replace(self.varying, origin=origin), True)]
+        distinct = dict.fromkeys(orders.tolist())
+        return [(ConstantOrder(a, self.definition), orders == a) for a in distinct]
 
     def __repr__(self) -> str:
-        return f"Caputo({self.varying.name if self.varying else self._order.tolist()})"
+        order = self.varying.name if self.varying else self._order.tolist()
+        return f"{self.definition.name}({order})"
 
     def _terms(self) -> tuple[Term, ...]:
         return (Term(self, 1.0),)
@@ -225,25 +231,22 @@ class RiemannLiouville(Caputo):
     True
     """
 
+    definition = Definition(
+        "RiemannLiouville",
+        mark="<sub>RL</sub>",
+        subtracts_start=False,
+        instead="for C RiemannLiouville(gamma) below Caputo(alpha) solve D^alpha w = f and "
+        "D^(alpha - gamma) v = y from w = y(0), v = 0, where y = w - C v",
+    )
+
     def __init__(self, order: ArrayLike | Callable) -> None:
         super().__init__(order)
         required = "lie in (0, 1) with RiemannLiouville"
         if self.varying is not None:
             if self.varying.derivative > 1:
                 refuse("order", required, f"above 1 in {self.varying.name}")
-            self.varying = replace(self.varying, from_zero=True)
         elif np.any(self._order >= 1):
             refuse("order", required, self._order.tolist())
-
-    def parts(self, orders: np.ndarray) -> list[tuple[Operator, np.ndarray | bool]]:
-        """Return pairs of an operator of a `System` and its components; see `Caputo.parts`."""
-        return [
-            (replace(part, from_zero=True) if isinstance(part, ConstantOrder) else part, held)
-            for part, held in super().parts(orders)
-        ]
-
-    def __repr__(self) -> str:
-        return f"RiemannLiouville({self.varying.name if self.varying else self._order.tolist()})"
 
 
 class Memory(Summand):
@@ -284,9 +287,10 @@ class Memory(Summand):
         self.derivative = one_of("derivative", derivative, (0, 1, 2), "be 0, 1 or 2")
 
     constant = False
+    definition = Definition("Memory")
 
-    def parts(self, orders: np.ndarray) -> list[tuple[Operator, np.ndarray | bool]]:
-        """Return the operator of a `System`, which every component has; `orders` is ignored."""
+    def parts(self, orders: np.ndarray, origin: float = 0.0) -> Parts:
+        """Return the operator of a `System`, which every component has; ignore the arguments."""
         return [(KernelOperator(self.kernel, self.derivative), True)]
 
     def __repr__(self) -> str:

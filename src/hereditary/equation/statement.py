@@ -11,12 +11,11 @@ from numpy.typing import ArrayLike
 from ..compiled.functions import mapped
 from ..functions.build import Start
 from ..support.checks import complaint, count, real_array, refuse, refuse_masked, shown
-from .chain import FROM_ZERO
 from .delay import Delay, InitialFunction
 from .operators import Summand, Term
 from .orders import merged_orders
 from .system import System, leading_orders
-from .terms import Operator, SystemTerm, VaryingOrder
+from .terms import Operator, SystemTerm
 
 
 def as_terms(terms: Summand | Iterable[Summand], name: str = "terms") -> tuple[Term, ...]:
@@ -54,9 +53,7 @@ def left_side(
     left, rows = [], iter(orders)
     for term, c in zip(terms, factors, strict=True):
         row = next(rows) if term.operator.constant else np.zeros(0)
-        for operator, held in term.operator.parts(row):
-            if isinstance(operator, VaryingOrder):
-                operator = replace(operator, origin=origin)
+        for operator, held in term.operator.parts(row, origin):
             left.append(SystemTerm(operator, np.where(held, c, 0.0)))
     return left
 
@@ -90,13 +87,14 @@ def orders_of(terms: Sequence[Term], d: int, paired: bool) -> np.ndarray:
 
 def check_leading(left: Iterable[SystemTerm], y0: np.ndarray, reads: bool) -> None:
     """Refuse components without Caputo or Memory terms, and initial values that no term needs."""
-    # A component must have another term besides RiemannLiouville terms, or no term at all. If f
-    # reads memory (`reads`), an algebraic row may have initial values of all orders.
+    # A component must have a term that acts on y - y(0), or no term at all. If f reads memory
+    # (`reads`), an algebraic row may have initial values of all orders.
     d = y0.shape[1]
-    highest = leading_orders([term for term in left if not term.operator.from_zero], d)
+    highest = leading_orders([term for term in left if term.operator.definition.subtracts_start], d)
     present = np.array([own.reshape(-1, d).any(axis=0) for _, own in left]).any(axis=0)
     for j in ((highest == 0) & present).nonzero()[0]:
-        required = "leave every component at least one nonzero term other than RiemannLiouville"
+        name = next(op.definition.name for op, own in left if own.reshape(-1, d)[:, j].any())
+        required = f"leave every component at least one nonzero term other than {name}"
         refuse("terms", required, f"none for component {j}")
     _check_initial_terms(left, highest)
     highest = np.where(present | (not reads), highest, len(y0))
@@ -111,27 +109,18 @@ def check_leading(left: Iterable[SystemTerm], y0: np.ndarray, reads: bool) -> No
 
 
 def _check_initial_terms(left: Iterable[SystemTerm], leading: np.ndarray) -> None:
-    """Refuse Riemann-Liouville terms whose order is too high in a component."""
+    """Refuse terms that act on y itself, whose order is too high in a component."""
     # It must be below `leading` (d,), the highest order of the component's other terms. If that
     # exceeds 1, it must be below it by more than 1: y' would be infinite at 0 otherwise.
     for operator, coefficients in left:
-        if not operator.from_zero:
+        if operator.definition.subtracts_start:
             continue
-        gamma = _order_at_start(operator)
-        for c in np.flatnonzero(coefficients.reshape(-1, leading.size).any(axis=0)):
-            highest = leading[c] - (leading[c] > 1)
-            if gamma >= highest:
-                required = f"be below {highest:g} for RiemannLiouville in component {c}"
-                if leading[c] > 1:
-                    required += f", 1 below its highest order {leading[c]:g}"
-                refuse("order", required, gamma, "or take Caputo")
-
-
-def _order_at_start(operator: Operator) -> float:
-    """Return an operator's order at time 0; for a general kernel m."""
-    if isinstance(operator, VaryingOrder):
-        return float(operator.sampled(np.zeros(1))[0][0])
-    return operator.order
+        gamma, allowed = operator.order_at(0.0), leading - (leading > 1)
+        present = coefficients.reshape(-1, leading.size).any(axis=0)
+        for c in np.flatnonzero(present & (gamma >= allowed)):
+            required = f"be below {allowed[c]:g} for {operator.definition.name} in component {c}"
+            required += f", 1 below its highest order {leading[c]:g}" * bool(leading[c] > 1)
+            refuse("order", required, gamma, "or take Caputo")
 
 
 def per_component(
@@ -166,8 +155,9 @@ def _read_terms(memory: Summand) -> tuple[Term, ...]:
     for term in terms:
         if term.operator.derivative > 2:
             refuse("memory", "have orders up to 2", f"{term}")
-        if any(operator.from_zero for operator, _ in term.operator.parts(np.full(1, 0.5))):
-            remedy = f"if y(0) = 0 it is Caputo's; {FROM_ZERO}"
+        instead = term.operator.definition.instead
+        if instead:
+            remedy = f"if y(0) = 0 it is Caputo's; {instead}"
             refuse("memory", "hold Caputo or Memory terms", f"{term}", remedy)
     return terms
 
@@ -182,9 +172,8 @@ def with_memory(system: System, memory: Sequence[Term]) -> System:
     if factors.ndim > 2:
         required = "have coefficients of shape (d,)"
         refuse("memory", required, f"shape {factors.shape[1:]}", "multiply in rhs")
-    own = [t.operator._order for t in memory if t.operator.constant]
+    orders = orders_of(memory, own_d, paired)
     mine = [op.order for op, _ in system.left if op.constant]
-    orders = per_component("order", own, own_d, paired)
     # orders of memory that differ from orders of the left side by rounding become equal to them
     orders = merged_orders(np.vstack([np.tile(mine, (d, 1)).T.reshape(-1, d), orders]))[len(mine) :]
     left = [SystemTerm(op, np.concatenate([c, np.zeros(k * d)])) for op, c in system.left]
@@ -225,9 +214,7 @@ def _check_below(operator: Operator, read: np.ndarray, system: System) -> None:
     if not np.any(read & ~bare):
         return
     lowest = float(system.highest_orders()[read & ~bare].min())
-    order = _order_at_start(operator)  # an order that varies is checked at t = 0 only
-    if operator.kernel is not None:  # K ~ t**-a near 0 acts like order m - 1 + a
-        order += operator.kernel.singular_exponent - 1
+    order = operator.order_at(0.0)  # an order that varies is checked at t = 0 only
     if order >= lowest:
         required = f"have orders below the highest of their component, {lowest:g}"
         refuse("memory", required, f"{order:g}", "solve the equation for its highest derivative")

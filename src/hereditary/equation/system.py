@@ -163,11 +163,6 @@ class System:
         return self.highest_orders()[: self.n_solved] > 1
 
     @_of_left
-    def with_speed(self) -> np.ndarray:
-        """Numbers of the components with an equation of order above 1, (k,)."""
-        return np.flatnonzero(self.above_one)
-
-    @_of_left
     def algebraic(self) -> np.ndarray:
         """Whether each component with an equation has an algebraic one, 0 = f, (n_solved,)."""
         held = [coefficients[: self.n_solved] != 0 for _, coefficients in self.left]
@@ -194,11 +189,6 @@ class System:
         return float(self.highest_orders().max())
 
     @_of_left
-    def t_last(self) -> float:
-        """Last time at which all operators are known."""
-        return min(operator.t_last for operator, _ in self.left)
-
-    @_of_left
     def reads(self) -> bool:
         """Whether the right-hand side reads memory."""
         return bool(self.is_memory.any())
@@ -209,9 +199,9 @@ class System:
         return bool(self.algebraic.any())
 
     @_of_left
-    def from_zero(self) -> bool:
-        """Whether any operator is Riemann and Liouville's."""
-        return any(operator.from_zero for operator, _ in self.left)
+    def subtracts_start(self) -> bool:
+        """Whether all operators act on y - y(0)."""
+        return all(operator.definition.subtracts_start for operator, _ in self.left)
 
     @_of_left
     def terms_key(self) -> tuple[tuple[Any, tuple[float, ...]], ...]:
@@ -251,19 +241,14 @@ class System:
         """Units of the components by the length of the run; 0 if they are not known."""
         return {}
 
-    def _known_units(self, t_end: float) -> np.ndarray:
-        """Return the units of the components in a run to t_end, (d,); 0 if they are not known."""
-        found = self._units.get(t_end)
-        if found is None:
-            found = units_of(self.compiled, self.at_start, t_end, self.rates(t_end))
-            self._units[t_end] = found
-        return found
-
     def units(self, t_end: float = 1.0) -> np.ndarray:
         """Return units (d,) of a run to t_end, for differences where y is 0; 1 if unknown."""
         if self.has_jac:
             return np.ones(self.d)
-        known = self._known_units(t_end)
+        known = self._units.get(t_end)
+        if known is None:
+            known = units_of(self.compiled, self.at_start, t_end, self.rates(t_end))
+            self._units[t_end] = known
         return np.where(known > 0, known, 1.0)
 
     @_of_left
@@ -308,7 +293,7 @@ _OF_REST = _CACHED.keys() - _OF_LEFT
 
 def refuse_late(system: System, t_end: float) -> None:
     """Refuse a run that ends after the last time at which an operator is known."""
-    last = system.t_last
+    last = min(operator.t_last for operator, _ in system.left)
     if t_end > last * (1 + 1e-12):
         required = f"stay within t = {last:g}, up to which a kernel is known"
         remedy = "end the run there, or give a kernel that reaches farther"

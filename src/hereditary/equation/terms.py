@@ -1,7 +1,8 @@
 """Memory operators of a system, as schemes and histories use them.
 
 Each operator maps y to ``int_0^t K(t-s) y^(m)(s) ds``. K is Caputo's kernel of a constant order,
-Caputo's kernel of an order that varies, or a general kernel.
+Caputo's kernel of an order that varies, or a general kernel. If the operator is a derivative of y
+that does not subtract y(0), it adds ``K(t) y(0)``.
 """
 
 from __future__ import annotations
@@ -10,7 +11,7 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import ClassVar, NamedTuple
+from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 from scipy.special import rgamma
@@ -18,7 +19,7 @@ from scipy.special import rgamma
 from ..kernels.memory_kernel import MemoryKernel
 from ..kernels.step_kernel import Integrated, PowerSteps, StepKernel
 from ..support.checks import complaint, real, refuse
-from .orders import derivative_order, rounded_order
+from .orders import OrderFailed, derivative_order, rounded_order
 
 # Argument s of a Laplace transform K^(s), so close to 0 that s K^(s) is the limit of the kernel K
 # at late times: its constant part, if it has one.
@@ -36,19 +37,44 @@ class SystemTerm(NamedTuple):
     coefficients: np.ndarray
 
 
+class Definition(NamedTuple):
+    """Names of an operator, and what it does with y(0)."""
+
+    name: str  # in messages
+    mark: str = ""  # after D in a formula, as HTML
+    subtracts_start: bool = True  # whether it acts on y - y(0); else on y, 0 before the start
+    instead: str = ""  # what to solve if f would read it, which is refused; empty if f may
+
+    def of_start(self, order: Any) -> tuple[Any, Any]:
+        """Return c and e: the derivative of y exceeds that of y - y(0) by ``c t**e y(0)``."""
+        return rgamma(1 - order), -order
+
+
+# That of Caputo's derivative.
+CAPUTO = Definition("Caputo")
+
+
 @dataclass(frozen=True)
 class ConstantOrder:
-    """Caputo's derivative of a constant order."""
+    """A derivative of a constant order, with Caputo's kernel."""
 
     order: float  # alpha in (0, 2]
-    from_zero: bool = False  # Riemann and Liouville's derivative, with y = 0 before the start
+    definition: Definition = CAPUTO
     kernel: ClassVar[MemoryKernel | None] = None
     constant: ClassVar[bool] = True
     varies: ClassVar[bool] = False
     t_last: ClassVar[float] = math.inf
 
     def __str__(self) -> str:
-        return f"{'RiemannLiouville' if self.from_zero else 'Caputo'}({self.order:g})"
+        return f"{self.definition.name}({self.order:g})"
+
+    def lower(self, k: int) -> ConstantOrder | None:
+        """Return the operator that on y^(k) gives what this one gives on y; None if none does."""
+        return ConstantOrder(self.order - k) if self.definition.subtracts_start else None
+
+    def order_at(self, t: float) -> float:
+        """Return its order at time t."""
+        return self.order
 
     @property
     def derivative(self) -> int:
@@ -88,7 +114,7 @@ class ConstantOrder:
 
     def described(self, times: np.ndarray) -> object:
         """Return a description that can be compared: the order, with a name if not Caputo's."""
-        return ("Riemann-Liouville", self.order) if self.from_zero else self.order
+        return self.order if self.definition == CAPUTO else (self.definition.name, self.order)
 
 
 @dataclass(frozen=True)
@@ -100,7 +126,6 @@ class KernelOperator:
     constant: ClassVar[bool] = False
     varies: ClassVar[bool] = False
     classical: ClassVar[bool] = False
-    from_zero: ClassVar[bool] = False
 
     def __str__(self) -> str:
         return f"a Memory with {self.kernel!r}"
@@ -109,6 +134,19 @@ class KernelOperator:
     def order(self) -> float:
         """m, the derivative of y inside the integral, as a float."""
         return float(self.derivative)
+
+    @property
+    def definition(self) -> Definition:
+        """Its name, and whether it acts on y - y(0)."""
+        return Definition("Memory", subtracts_start=self.derivative > 0)
+
+    def lower(self, k: int) -> KernelOperator:
+        """Return the operator that on y^(k) gives what this one gives on y."""
+        return KernelOperator(self.kernel, self.derivative - k)
+
+    def order_at(self, t: float) -> float:
+        """Return the order m - 1 + a like which a kernel acts that is like t**-a near 0."""
+        return self.order + (self.kernel.singular_exponent - 1)
 
     @property
     def t_last(self) -> float:
@@ -163,15 +201,15 @@ def _mean_symbol(kernel: MemoryKernel, m: int) -> complex:
 
 @dataclass(frozen=True)
 class VaryingOrder:
-    """An order that is a function of the time, and the Caputo operator with it."""
+    """An order that is a function of the time, and the derivative with it and Caputo's kernel."""
 
     function: Callable
     derivative: int  # m, 1 or 2: orders lie in (m - 1, m]
     origin: float = 0.0  # argument of the function at time 0 of the operator [time]
-    from_zero: bool = False  # Riemann and Liouville's derivative, with y = 0 before the start
+    definition: Definition = CAPUTO
 
     @classmethod
-    def from_function(cls, function: Callable) -> VaryingOrder:
+    def from_function(cls, function: Callable, definition: Definition) -> VaryingOrder:
         """Return the operator of a user's function; m is the ceil of its value at 0."""
         required = "be a function order(t) with values in (0, 1], or in (1, 2]"
         try:
@@ -182,7 +220,7 @@ class VaryingOrder:
         value = float(rounded_order(real("order", np.asarray(start)[()], required)))
         if not 0 < value <= 2:
             refuse("order", required, f"{value} at t = 0")
-        return cls(function, derivative_order(value))
+        return cls(function, derivative_order(value), definition=definition)
 
     @property
     def name(self) -> str:
@@ -196,7 +234,10 @@ class VaryingOrder:
     t_last: ClassVar[float] = math.inf
 
     def __str__(self) -> str:
-        return f"{'RiemannLiouville' if self.from_zero else 'Caputo'}({self.name})"
+        return f"{self.definition.name}({self.name})"
+
+    def lower(self, k: int) -> None:
+        """Return None: no operator on a derivative of y replaces it."""
 
     @property
     def order(self) -> float:
@@ -205,7 +246,7 @@ class VaryingOrder:
 
     def rate(self, t_end: float) -> float:
         """Return its value at t_end over y there, with the order at the start."""
-        return float(t_end ** -self.sampled(np.zeros(1))[0][0])
+        return t_end ** -self.order_at(0.0)
 
     def powers(self, times: np.ndarray) -> tuple[np.ndarray, str]:
         """Return p = m - alpha at increasing times (n,), and a failure, as `sampled` does."""
@@ -215,7 +256,18 @@ class VaryingOrder:
     def described(self, times: np.ndarray) -> object:
         """Return orders at several times: a function has no name that identifies it elsewhere."""
         values = self.sampled(times)[0].tolist()
-        return ("Riemann-Liouville", values) if self.from_zero else values
+        return values if self.definition == CAPUTO else (self.definition.name, values)
+
+    def order_at(self, t: float) -> float:
+        """Return its order at time t."""
+        return float(self.at(np.full(1, t))[0])
+
+    def at(self, times: np.ndarray) -> np.ndarray:
+        """Return orders at increasing times (n,); raise `OrderFailed` for one out of range."""
+        values, failure = self.sampled(times)
+        if failure:
+            raise OrderFailed(failure)
+        return values
 
     def sampled(self, times: np.ndarray) -> tuple[np.ndarray, str]:
         """Return orders at increasing times (n,), up to the first out of range, and its failure."""
@@ -264,3 +316,4 @@ class VaryingOrder:
 
 
 Operator = ConstantOrder | KernelOperator | VaryingOrder
+Parts = list[tuple[Operator, np.ndarray | bool]]

@@ -25,10 +25,10 @@ _INFINITE_SLOPE = 1e12
 
 def starting_steps(stepper: Any) -> FirstSteps | None:
     """Return the `FirstSteps` of a stepper that made at most one step; otherwise None."""
-    # None also if orders vary, or if a term is of Riemann-Liouville type
+    # None also if orders vary, or if a derivative acts on y itself: the solution begins with lower
+    # powers, which FirstSteps does not have
     system = stepper.system
-    # with Riemann-Liouville terms solutions begin with lower powers, which FirstSteps does not have
-    if stepper.n > 1 or not system.constant or system.from_zero:
+    if stepper.n > 1 or not (system.constant and system.subtracts_start):
         return None
     return FirstSteps(system, stepper.steps.times(np.array([1.0, 2.0])))
 

@@ -102,7 +102,7 @@ class FixedStepper(ResumableStepper, TangentStepper, JumpingStepper):
         self.system, self.scheme, self.history = system, scheme, history
         self.steps, self.h = steps, steps.h
         self._span = steps.covered(n_steps, getattr(history, "horizon", None) or 0.0)
-        self._with_speed = system.with_speed
+        self._with_speed = np.flatnonzero(system.above_one)
         marched = self._marched = self._inside(system)
         directions = np.zeros((self.n_data, 0)) if directions is None else directions
         self.n_tangents = directions.shape[1]
@@ -445,13 +445,12 @@ class FixedStepper(ResumableStepper, TangentStepper, JumpingStepper):
 
     def expect_jumps(self, of_y: bool) -> None:
         """Prepare for jumps of f, and of y if `of_y`: make fewer steps in each call."""
-        # jumps of y are refused if a kernel or a Riemann-Liouville term acts on y itself
+        # jumps of y are refused if a term acts on y itself
         self._most = _MAX_STEPS_WITH_EVENTS
-        terms = [operator for operator, _ in self.system.left]
-        acting = [op for op in terms if op.derivative == 0 or op.from_zero]
+        acting = [op for op, _ in self.system.left if not op.definition.subtracts_start]
         if of_y and acting:
-            required = "change no y that a kernel or RiemannLiouville acts on, on given steps"
-            refuse("events and changes", required, f"a change with {acting[0]}")
+            required = f"change no y that {acting[0]} acts on, on given steps"
+            refuse("events and changes", required, "a change of y")
 
     def set_y(self, y: np.ndarray) -> None:
         """Set y to these values, (d,), at the present time; the memory does not see the jump."""

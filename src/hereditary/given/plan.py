@@ -138,7 +138,7 @@ class Plan:
     # int64 (d,), 1 if an explicit scheme takes the first increment from `increments`
     given: np.ndarray | None = None
     powers: np.ndarray | None = None  # (r, d), of r known terms ``drift t**power`` on the left side
-    # (r, d), of these terms; if each step has its own rows, y(0) for Riemann-Liouville terms
+    # (r, d), of these terms; if each step has its own rows, y(0) for terms that act on y
     drift: np.ndarray | None = None
     corrections: np.ndarray | None = None  # (k, d), of the right-hand side in the first k steps
     starts: np.ndarray | None = None  # (V, d), start values, whose weights are in `past`

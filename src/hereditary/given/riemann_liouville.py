@@ -14,7 +14,6 @@ from math import ceil
 from typing import Any
 
 import numpy as np
-from scipy.special import rgamma
 
 from ..equation.system import System
 from ..kernels.special import hurwitz_zeta
@@ -22,9 +21,9 @@ from .plan import Plan
 
 
 def with_initial_values(plan: Plan, system: System, order: float) -> Plan:
-    """Return a plan with the initial values of Riemann-Liouville terms added to its known terms."""
+    """Return a plan with what initial values add to derivatives of y itself as known terms."""
     # order: that of convergence of the plan's scheme
-    terms = [(op, c) for op, c in system.left if op.from_zero and op.constant]
+    terms = [(op, c) for op, c in system.left if op.constant and not op.definition.subtracts_start]
     if not (terms and plan.rows.shared):  # if each step has its own row, rows contain the terms
         return plan
     rows, d = plan.rows, system.d
@@ -35,11 +34,11 @@ def with_initial_values(plan: Plan, system: System, order: float) -> Plan:
     corrections = np.zeros((n_first + 1, d))
     amplitudes, powers = [], []
     for operator, c in terms:
-        gamma = operator.order
-        amplitudes.append(c * system.y0[0] * rgamma(1 - gamma))
-        powers.append(np.where(c != 0, -gamma, 0.0))
-        sizes = amplitudes[-1] * rows.unit[0] ** -gamma
-        samples = first_samples(gamma, theta, n_first)
+        factor, exponent = operator.definition.of_start(operator.order)
+        amplitudes.append(c * system.y0[0] * factor)
+        powers.append(np.where(c != 0, exponent, 0.0))
+        sizes = amplitudes[-1] * rows.unit[0] ** exponent
+        samples = first_samples(-exponent, theta, n_first)
         for k, weight in enumerate(samples):
             corrections[k + first, np.arange(d)] -= weight * sizes
     known = np.zeros((0, d)) if plan.corrections is None else plan.corrections

@@ -13,7 +13,6 @@ import math
 from typing import Any, ClassVar
 
 import numpy as np
-from scipy.special import rgamma
 
 from ..equation.orders import OrderFailed
 from ..equation.system import System
@@ -219,8 +218,8 @@ class RowSums:
         # next step, too
         self._is_memory, self._late = is_memory, np.array(is_memory) * explicit
         self._operators = list(dict.fromkeys(op for terms in self.terms for _, op in terms))
-        self.from_zero = any(operator.from_zero for operator in self._operators)
         self.varies, self._above = system.varies, system.m == 2
+        self._adds_start = not system.subtracts_start
         self.powers: dict = {}
         self._known, self._n_end, self._trouble = (0, 0), 0, ""
         self.rows = self._rows(np.arange(0), *np.ones((2, len(self.terms), 0)))
@@ -293,11 +292,11 @@ class RowSums:
         )
 
     def _drift(self, n: np.ndarray, lead: np.ndarray) -> np.ndarray:
-        """Return factors of x'(0), which increments omit, and of Riemann-Liouville x(0)."""
-        # (C, R), (2 C, R) with Riemann-Liouville terms, and (C, 0) without any factor
-        if not (self._above or self.from_zero):
+        """Return factors of x'(0), which increments omit, and of x(0) if a term acts on x."""
+        # (C, R), (2 C, R) if a term acts on x itself, and (C, 0) without any factor
+        if not (self._above or self._adds_start):
             return np.zeros((len(lead), 0))
-        found = np.zeros((1 + self.from_zero, *lead.shape))
+        found = np.zeros((1 + self._adds_start, *lead.shape))
         for a, terms in enumerate(self.terms if n.size else ()):
             above = any(operator.derivative == 2 for _, operator in terms)
             for c, operator in terms:
@@ -306,19 +305,20 @@ class RowSums:
                 if operator.derivative == 1 and (above or self._is_memory[a]):
                     times = self.steps.times(n + self._late[a])
                     found[0, a] += c * factor * times**p
-                if operator.from_zero:
-                    found[1, a] += c * self._initial(n, 1 - p, int(self._explicit and above))
+                if not operator.definition.subtracts_start:
+                    of_start = operator.definition.of_start(1 - p)
+                    found[1, a] += c * self._initial(n, of_start, int(self._explicit and above))
         return (found * lead).reshape(len(found) * len(lead), n.size)
 
-    def _initial(self, n: np.ndarray, gamma: np.ndarray, first: int) -> np.ndarray:
-        """Return ``t**-gamma / Gamma(1-gamma)`` at steps n, with a correction in step `first`."""
-        # 0 at t = 0. first: 1 if an explicit scheme gets the increment of step 0 from the initial
-        # values, else 0. gamma (R,): orders at steps n.
-        times, first = self.steps.times(n), first - int(n[0])
-        values = np.where(times > 0, times, np.inf) ** -gamma
+    def _initial(self, n: np.ndarray, of_start: tuple[Any, Any], first: int) -> np.ndarray:
+        """Return what a start value of 1 adds at steps n, (R,), with a correction in one step."""
+        # ``factors t**exponents`` of `of_start`, but 0 at t = 0. first: step of the correction, 1
+        # if an explicit scheme gets the increment of step 0 from the initial values, else 0.
+        (factors, exponents), times, first = of_start, self.steps.times(n), first - int(n[0])
+        values = np.where(times > 0, times, np.inf) ** exponents
         if 0 <= first < n.size:
-            values[first] += self.steps.first_sample(float(gamma[first]))
-        return values * rgamma(1 - gamma)
+            values[first] += self.steps.first_sample(-float(exponents[first]))
+        return values * factors
 
     def weights(self, first: int, last: int, k_end: int) -> Any:
         """Return weights of increments u_(n-k), k < k_end, for steps n from `first` to `last`."""
@@ -419,6 +419,6 @@ def _plan(system: System, sums: RowSums, first: float, **more: Any) -> Plan:
         initial=system.at_start,
         increments=first * speed,
         shift=speed,
-        drift=system.y0[:1] if sums.from_zero else None,
+        drift=None if system.subtracts_start else system.y0[:1],
         **more,
     )

@@ -194,8 +194,7 @@ class DelayedStepper(ResumableStepper, JumpingStepper):
             if not self._solved:
                 found[chosen] = self.system.y0[0, :d]
             else:
-                piece = self._solved[k].piece
-                found[chosen] = piece.evaluate(times[chosen], self.system.above_one, 0)
+                found[chosen] = self._solved[k].piece.evaluate(times[chosen], 0)
         return found
 
     def delayed(self, t: float) -> np.ndarray:

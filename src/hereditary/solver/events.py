@@ -208,10 +208,10 @@ def inner_event(stepper: Stepper, function: Callable) -> Callable:
     needed = positional(function)
     if len(needed) != 3:
         return system.frame.event(function)
-    if delayed is None or system.is_memory.any():
+    if delayed is None or system.reads:
         required = "be functions event(t, y), or event(t, y, memory) where memory= has delays alone"
         remedy = "name them there"
-        if system.is_memory.any():
+        if system.reads:
             remedy = "by rtol= let y[1] of an algebraic row 0 = memory[0, 0] - y[1] be the memory, "
             remedy += "with memory=np.array([1, 0]) * term, and let the event read y[1]"
         refuse("events", required, f"{_name(function)}({', '.join(needed)})", remedy, TypeError)

@@ -526,7 +526,7 @@ def sign_ahead(zero: _Zero, stepper: Stepper, step: float) -> float:
     # turned back. A component of an order below 1 is led by the jump of its derivative. An event
     # without a slope turns back if the motion leads it back in some given steps, of length `step`.
     t, y, system, slopes = stepper.t, stepper.y, stepper.system, []
-    if system.is_memory.any():
+    if system.reads:
         return 0.0
     dt, orders = _AHEAD * t, system.highest_orders()
     try:

@@ -43,15 +43,14 @@ class Output:
         # number of steps: of all runs with given steps, of this run with adaptive ones
         self._n = self._first = int(stepper.position) if self._on_given_steps else 0
         self._starting: FirstSteps | None = None
-        self._above_one = stepper.system.above_one
         # whether rows have y': always with given steps, whose dense output needs it
         speeds = bool(self._frame.speeds)
         self._sloped = self._on_given_steps or stepper.system.m == 2 or speeds
         self.end, self.ended = stepper.t, False
         self.jumps: list[float] = []  # times at which y jumped
-        self._dense = Dense(self._above_one, self._frame)
         self._newest: Piece | None = None
         y, ydot, n, every = stepper.y, stepper.ydot, self._first, self._every
+        self._dense = Dense(y.size, self._frame)
         most = _SOME if times is None else self._wanted.size
         if times is None and self._on_given_steps:
             most = int(stop) // every - n // every + (stop % every > 0) + 2
@@ -82,7 +81,7 @@ class Output:
         edges = np.concatenate((piece.edges(), (self._stepper.t,)))
         end = None
         if self.events.any:
-            end = self.events.look(edges, lambda t: piece.evaluate(t, self._above_one, 0))
+            end = self.events.look(edges, lambda t: piece.evaluate(t, 0))
         self.end, self.ended = edges[-1] if end is None else end, end is not None
         self._newest = piece
         self._starting = piece.starting or self._starting
@@ -92,9 +91,7 @@ class Output:
         if not self._on_given_steps and self.components is None:
             self._dense.add(piece, start)
         chosen = self._chosen(edges)
-        self._add(
-            edges[1:][chosen], *piece.at_ends(edges[1:], chosen, self._above_one, self._sloped)
-        )
+        self._add(edges[1:][chosen], *piece.at_ends(edges[1:], chosen, self._sloped))
         if self.events.interrupted and self._rows[0][self._size - 1] < self.end:
             self._add_last()
 
@@ -141,7 +138,7 @@ class Output:
         ahead = int(np.searchsorted(self._wanted, last, side="right"))
         times, self._wanted = self._wanted[:ahead], self._wanted[ahead:]
         if times.size:
-            self._add(times, *piece.evaluate_both(times, self._above_one, self._sloped))
+            self._add(times, *piece.evaluate_both(times, self._sloped))
 
     def close(self, t_end: float) -> tuple[np.ndarray, np.ndarray, np.ndarray, Dense | None]:
         """Return the user's times (n,), y and y' (n, d) of the run, and dense output or None."""
@@ -169,7 +166,7 @@ class Output:
         """Add the row at the end of the run."""
         last, piece = np.array([self.end]), self._newest
         if piece is not None and (self.ended or not self._on_given_steps):
-            self._add(last, *piece.evaluate_both(last, self._above_one, self._sloped))
+            self._add(last, *piece.evaluate_both(last, self._sloped))
         else:
             self._add(last, self._stepper.y[None], self._stepper.ydot[None])
 

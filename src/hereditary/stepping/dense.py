@@ -38,35 +38,27 @@ class Piece:
         """Return the start of each step."""
         raise NotImplementedError
 
-    def evaluate(self, t: np.ndarray, above_one: np.ndarray, derivative: int) -> np.ndarray:
+    def evaluate(self, t: np.ndarray, derivative: int) -> np.ndarray:
         """Return y, or y' for ``derivative=1``, at times t inside the steps, (k, d)."""
-        # above_one (d,): the components whose first derivative was an unknown
         raise NotImplementedError
 
-    def evaluate_both(
-        self, t: np.ndarray, above_one: np.ndarray, slopes: bool
-    ) -> tuple[np.ndarray, np.ndarray]:
+    def evaluate_both(self, t: np.ndarray, slopes: bool) -> tuple[np.ndarray, np.ndarray]:
         """Return y and y' at k times t in the steps, (k, d) each; y' is NaN without `slopes`."""
-        y = self.evaluate(t, above_one, 0)
-        return y, self.evaluate(t, above_one, 1) if slopes else np.full_like(y, np.nan)
+        y = self.evaluate(t, 0)
+        return y, self.evaluate(t, 1) if slopes else np.full_like(y, np.nan)
 
     def at_ends(
-        self, ends: np.ndarray, chosen: Any, above_one: np.ndarray, slopes: bool = True
+        self, ends: np.ndarray, chosen: Any, slopes: bool = True
     ) -> tuple[np.ndarray, np.ndarray]:
         """Return y and y' as `evaluate_both` does, at the chosen ends of steps."""
-        return self.evaluate_both(ends[chosen], above_one, slopes)
+        return self.evaluate_both(ends[chosen], slopes)
 
 
 class Dense:
     """The solution of a run at any time, from the interpolants of its steps."""
 
-    def __init__(
-        self,
-        above_one: ArrayLike,
-        frame: Frame = Frame(),  # noqa: B008
-    ) -> None:
-        # above_one (d,): whether each component has an order above 1, so that y' was an unknown
-        self._above_one, self._frame = np.asarray(above_one, dtype=bool), frame
+    def __init__(self, d: int, frame: Frame) -> None:
+        self._d, self._frame = d, frame
         self._pieces: list = []
         self._starts: list[float] = []
 
@@ -103,11 +95,11 @@ class Dense:
         """Return components of the run, or their slopes, (k, d), at times of the run."""
         where = last_start(np.array(self._starts), times)
         if times.size and (where == where[0]).all():
-            return self._pieces[where[0]].evaluate(times, self._above_one, derivative)
-        out = np.empty((times.size, self._above_one.size))
+            return self._pieces[where[0]].evaluate(times, derivative)
+        out = np.empty((times.size, self._d))
         for k in np.unique(where):
             chosen = where == k
-            out[chosen] = self._pieces[k].evaluate(times[chosen], self._above_one, derivative)
+            out[chosen] = self._pieces[k].evaluate(times[chosen], derivative)
         return out
 
 
@@ -142,12 +134,12 @@ class StepPieces(Piece):
         return self.times[:-1]
 
     def at_ends(
-        self, ends: np.ndarray, chosen: Any, above_one: np.ndarray, slopes: bool = True
+        self, ends: np.ndarray, chosen: Any, slopes: bool = True
     ) -> tuple[np.ndarray, np.ndarray]:
         """Return y and y' at the chosen ends of steps, (k, d) each."""
         return self.rows[1:][chosen], self.slopes[1:][chosen]
 
-    def evaluate(self, t: np.ndarray, above_one: np.ndarray, derivative: int) -> np.ndarray:
+    def evaluate(self, t: np.ndarray, derivative: int) -> np.ndarray:
         """Return y, or y' for ``derivative=1``, at k times t inside the steps, shape (k, d)."""
         last = self.times.size - 1
         i = np.clip(np.searchsorted(self.times, t), 1, last)
