@@ -35,9 +35,9 @@ def test_files_and_functions_are_small():
 # Most lines of code of each room, without docstrings, comments and blank lines. They only fall: who
 # needs lines takes them from the same room.
 BUDGETS = {
-    "collocation": 5298,
+    "collocation": 5224,
     "given": 3674,
-    "solver": 2429,
+    "solver": 2426,
     "analysis": 2388,
     "compiled": 1921,
     "top": 1742,
@@ -46,7 +46,7 @@ BUDGETS = {
     "functions": 958,
     "paper": 705,
     "scenes": 665,
-    "stepping": 472,
+    "stepping": 522,
     "support": 374,
     "plots": 354,
 }

@@ -90,7 +90,7 @@ def attempt(march, t, h, table_index):
     set_starts(orbit, equations.above_one, workspace.starts)
     solved, again = False, True
     while again:
-        set_units(equations, workspace.sizes, orbit.x[0], limits, workspace.units)
+        set_units(equations, workspace.sizes, orbit.x[0], limits.tolerance, workspace.units)
         set_newton_tol(m, h)
         solved = solve_at_edge(m, h) if m.stages.control[AT_EDGE] == 1.0 else solve_stages(m, h)
         if not solved:
@@ -155,12 +155,13 @@ def set_starts(orbit, above_one, starts):
 
 
 @inner
-def set_units(equations, sizes, x, limits, out):
+def set_units(equations, sizes, x, tolerance, out):
     """Set the units of components, (d,), for the increments of difference quotients of f."""
     # The size of the component, or by an absolute tolerance the present |y|, at least atol / rtol.
     # Of a component without a size it is that of equations.units.
     for c in range(out.shape[0]):
-        unit = sizes[c] if limits.by_size > 0.0 else max(abs(x[c]), limits.atol[c] / limits.rtol)
+        by_atol = max(abs(x[c]), tolerance.atol[c] / tolerance.rtol)
+        unit = sizes[c] if tolerance.by_size > 0.0 else by_atol
         out[c] = unit if unit > LEAST else equations.units[c]
 
 
@@ -168,7 +169,7 @@ def set_units(equations, sizes, x, limits, out):
 def jacobian_at_start(start, out):
     """Set `out` to the Jacobian of f before a first step, the units of `start`, and the reach."""
     equations, state = start.equations, start.state
-    set_units(equations, state.sizes, start.x, start.limits, start.units)
+    set_units(equations, state.sizes, start.x, start.limits.tolerance, start.units)
     start.right.jacobian(start.right.force, start.t, start.x, start.units, out)
     later = min(start.t + _LATER_START * start.limits.t_end, start.limits.latest)
     moved = np.empty(start.x.shape[0])
