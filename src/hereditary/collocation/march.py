@@ -268,11 +268,12 @@ def take_steps(march):
             stages.control[LENGTH] = 0.0
         assembled_for = h
         ratio, solved, by_defect = attempt(march, t, h, table_index)
+        factor = _SAFETY * max(ratio, 1e-12) ** (-1.0 / (s + lowest))
         # an error that allows more growth than _MAX_FACTOR does not show what a longer step would
         # miss
-        idle = ratio < (_SAFETY / _MAX_FACTOR) ** (s + lowest)
+        idle = factor > _MAX_FACTOR
         longest = floor_to_grid(limits.longest_idle if idle else limits.longest)
-        planned = next_length(h, control.next, ratio, was_rejected, s + lowest)
+        planned = next_length(h, control.next, ratio, was_rejected, factor)
         planned = worth_new_factors(h, planned, ratio, stages)
         control.next = min(planned, longest)
         twice, was_rejected = was_rejected, not ratio <= 1.0
@@ -417,16 +418,15 @@ def orders_tabulated(t, h, varying):
 
 
 @inner
-def next_length(h, planned, ratio, was_rejected, order):
+def next_length(h, planned, ratio, was_rejected, factor):
     """Return the length of the next step after a step of length h."""
-    # h times a power of ratio, the error over the tolerance, within limits, down to the grid of
-    # lengths. A quarter of h if the step was not solved (ratio infinite). The length planned before
-    # if the accepted step was shortened to end at a stop.
+    # h times the factor that its error allows, within limits, down to the grid of lengths. ratio:
+    # error over tolerance. A quarter of h if the step was not solved (ratio infinite). The length
+    # planned before if the accepted step was shortened to end at a stop.
     if ratio <= 1.0 and h < planned:
         return planned
     if not ratio < np.inf:
         return 0.25 * h
-    factor = _SAFETY * max(ratio, 1e-12) ** (-1.0 / order)
     return floor_to_grid(h * max(_MIN_FACTOR, min(1.0 if was_rejected else _MAX_FACTOR, factor)))
 
 
