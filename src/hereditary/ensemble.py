@@ -19,10 +19,10 @@ from numpy.typing import ArrayLike
 from .equation.equation import Equation, current_equation
 from .given.history.history import History
 from .given.opening import open_members
-from .given.steps import kept_steps
+from .given.steps import UniformSteps, kept_steps
 from .solver.accuracy import no_estimates
 from .solver.elsewhere import lacking
-from .solver.opening import chooses_steps, how_to_step
+from .solver.opening import how_to_step
 from .solver.output import room_for
 from .solver.progress import Interruption, ProgressBar
 from .solver.run import Drive, reached_end, report
@@ -336,12 +336,12 @@ def ensemble(
         "history": history, "breaks": breaks, "events": listed(events),
         "switches": listed(switches), "components": kept_components(equation, components),
     }  # fmt: skip
-    kept = steps = None
-    if not chooses_steps(scheme):
-        steps = how_to_step(
-            equation.system, scheme, t_last - start,
-            history=history, rtol=rtol, atol=atol, n_steps=n_steps, max_step=max_step,
-        )  # fmt: skip
+    kept = None
+    steps = how_to_step(
+        equation.system, scheme, t_last - start,
+        history=history, rtol=rtol, atol=atol, n_steps=n_steps, max_step=max_step,
+    )  # fmt: skip
+    if isinstance(steps, UniformSteps):
         kept = _kept(steps, save_every, times, start)
         times = start + steps.h * kept
         times[-1] = t_last if kept[-1] == steps.n else times[-1]

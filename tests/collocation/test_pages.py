@@ -11,7 +11,7 @@ import pytest
 ROOT = Path(__file__).parents[2]
 SOURCE = ROOT / "src" / "hereditary"
 FILES = [f"collocation/{path.stem}" for path in sorted((SOURCE / "collocation").glob("*.py"))]
-FILES.append("compiled/reach")
+FILES += ["compiled/reach", "stepping/tolerance"]
 # Numbers that name a case, a place, a letter of LAPACK or the range of an argument.
 CODES = {"FORCE", "PRIMARY", "POSITION", "SLOPE", "ITSELF", "ALGEBRAIC"}
 CODES |= {"_WITHOUT", "_WITH", "_SCALING", "TOLERANCE_FLOOR", "_FARTHEST"}

@@ -10,13 +10,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..collocation.opening import TOLERANCE_FLOOR
 from ..equation.equation import Equation
 from ..given.history.history import History
 from ..solver.elsewhere import lacking
 from ..solver.solution import Solution
 from ..solver.solve import solve
 from ..stepping.scheme import Scheme
+from ..stepping.tolerance import TOLERANCE_FLOOR
 from ..support.checks import count, real_array, refuse, shown, truth, whole
 
 # Ratio of the tolerance of the run that others are compared with to their smallest one. With a

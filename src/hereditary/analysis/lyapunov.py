@@ -41,6 +41,7 @@ from ..stepping.scheme import Scheme
 from ..stepping.status import Ending, Status
 from ..stepping.stepper import TangentStepper
 from ..stepping.times import checked_breaks
+from ..stepping.tolerance import Tolerance
 from ..support.checks import (
     count,
     instance,
@@ -346,11 +347,11 @@ def _compared(
 def _run(equation: Equation, stepping: _Stepping, options: LyapunovOptions) -> LyapunovResult:
     """Return the result of one run."""
     began, start, scheme = time.perf_counter(), equation.t_start, stepping.scheme
-    t_last = run_end("t_end", stepping.t_end, start)
+    t_last, mode, k = run_end("t_end", stepping.t_end, start), options.mode, options.k
     t_end = t_last - start
     instance("scheme", scheme, Scheme, "hereditary.ExplicitCaputo()")
-    mode, history, k = options.mode, options.history, options.k
-    if chooses_steps(scheme) and mode != "tangent":
+    adaptive, history = chooses_steps(scheme), options.history
+    if adaptive and mode != "tangent":
         remedy = "take a scheme of given steps, e.g. Adams() or BDF(2)"
         refuse("mode", 'be "tangent" with Collocation', repr(mode), remedy)
     if equation.system.algebraic.any():
@@ -360,15 +361,13 @@ def _run(equation: Equation, stepping: _Stepping, options: LyapunovOptions) -> L
         remedy = "take mode='pair' with a scheme of given steps, e.g. Adams()"
         refuse("mode", 'be "pair" with delays, which tangents do not see', repr(mode), remedy)
     system, most = marched(equation.system, scheme), n_data(equation.system)
-    if history is None and not chooses_steps(scheme):
+    if history is None and not adaptive:
         history = SumOfExponentials()
-    given = (
-        {"max_steps": _UNLIMITED_STEPS} if chooses_steps(scheme) else {"n_steps": stepping.n_steps}
-    )
+    given = {"max_steps": _UNLIMITED_STEPS} if adaptive else {"n_steps": stepping.n_steps}
     steps = how_to_step(
         system, scheme, t_end, history=history, rtol=stepping.rtol, atol=stepping.atol, **given
     )
-    marks = chooses_steps(scheme) and stepping.n_steps is None
+    marks = adaptive and stepping.n_steps is None
     n = _MARKS if marks else count("n_steps", whole(stepping.n_steps))
     h = t_end / n
     if k > most:
@@ -377,7 +376,7 @@ def _run(equation: Equation, stepping: _Stepping, options: LyapunovOptions) -> L
     inside = "[0, t_end)" if start == 0 else "[0, t_end - t_start)"
     transient = round(within("transient", options.transient, 0.0, h * (n - 1), inside) / h)
     separation = _separation(options.separation, equation)
-    norm = _norm(system, t_end) if chooses_steps(scheme) else 1.0
+    norm = _norm(system, t_end) if adaptive else 1.0
     directions = _directions(options.directions, int(options.seed), k, most, norm)
 
     opened = partial(open_stepper, scheme=scheme, history=history, policy=steps, t_end=t_end)
@@ -401,7 +400,8 @@ def _run(equation: Equation, stepping: _Stepping, options: LyapunovOptions) -> L
         "transient": h * transient, "seed": int(options.seed), "separation": separation,
         "scheme": scheme, "history": history, "t_end": t_last, "window": options.window,
     }  # fmt: skip
-    settings |= {"rtol": steps.rtol, "atol": steps.atol} if chooses_steps(scheme) else {}
+    if isinstance(steps, Tolerance):
+        settings |= {"rtol": steps.rtol, "atol": steps.atol}
     seconds = time.perf_counter() - began
     found = _found(stepper, equation, flow, ended, grown, settings, options.n_blocks, seconds)
     if found.status in _AT_END and (mode == "tangent" or separation < _MIN_SEPARATION_AT_JUMPS):

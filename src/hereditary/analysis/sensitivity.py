@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 
 from ..equation.equation import Equation, current_equation
 from ..given.history.history import History
-from ..given.steps import kept_steps
+from ..given.steps import UniformSteps, kept_steps
 from ..solver.elsewhere import lacking
 from ..solver.opening import chooses_steps, how_to_step, open_stepper
 from ..solver.progress import ProgressBar
@@ -159,7 +159,7 @@ def sensitivities(
         equation.system, scheme, t_last - start,
         history=history, n_steps=n_steps, rtol=rtol, atol=atol, max_step=max_step,
     )  # fmt: skip
-    if not chooses_steps(scheme):  # times of steps may be given up to rounding
+    if isinstance(stepping, UniformSteps):  # times of steps may be given up to rounding
         kept_steps(times, stepping.h, start)
     arguments: dict[str, Any] = {
         "scheme": scheme, "history": history, "n_steps": n_steps, "rtol": rtol, "atol": atol,

@@ -25,6 +25,7 @@ from ..stepping.state import State, check_identity, identity, state_of
 from ..stepping.status import Ending, Status, failed
 from ..stepping.stepper import Diagnostics, JumpingStepper, ResumableStepper, TangentStepper
 from ..stepping.times import breaks_ahead, together
+from ..stepping.tolerance import Tolerance
 from ..support.checks import refuse
 from .algebraic import became_singular, settle_tangents, settled
 from .edge import begins_at_edge
@@ -68,7 +69,7 @@ from .quadrature import rule_of
 from .reading import Plain, Reading, is_read
 from .singular_start import VANISHING, trials
 from .stage_solver import StageSolver, has_stages, stage_solver
-from .step_limits import StepLimits
+from .step_limits import Progress, limits_of
 from .structures import (
     AT_EDGE,
     AdaptiveWork,
@@ -82,7 +83,7 @@ from .structures import (
     initial_state,
     restored_state,
 )
-from .tolerances import ErrorPolicy, Tolerance, undamped
+from .tolerances import STEP_FRACTION, of_first_step, of_modes, undamped
 from .varying import OrderTables
 from .workspace import give_back, take_workspace
 
@@ -155,10 +156,9 @@ class AdaptiveStepper(ResumableStepper, TangentStepper, JumpingStepper):
         marched = view.system
         refuse_late(system, t_end)
         self._t_end, self._rows = t_end, _MAX_STEPS_PER_MARCH
-        self._tolerance = tolerance
-        self.step_limits = StepLimits(tolerance.max_step or np.inf, tolerance.max_steps)
-        atol = 0.0 if tolerance.atol is None else system.frame.doubled(tolerance.atol)
-        self.allowed = ErrorPolicy.of(tolerance, marched.spread(atol))
+        self.tolerance = tolerance._replace(modes=of_modes(tolerance))
+        self._of_run = self.tolerance.of_march(marched, system.frame)
+        self._of_step = checked(self._of_run.times(STEP_FRACTION))
         self._known = known = max(t_end, scheme.horizon or 0.0)
         self._farthest = max(min(_REACH * t_end, 1e307), known)
         s = self._s = int(scheme.nodes)
@@ -181,12 +181,14 @@ class AdaptiveStepper(ResumableStepper, TangentStepper, JumpingStepper):
         self._ending = None
         self._limit_steps(t_end)
         self._prefit_kernels(t_end)
-        self._of_run = t_end, self._least
+        self._bounds = t_end, self._least
 
     def _limit_steps(self, t_end: float) -> None:
         """Set the longest step and the largest number of steps from the present time to t_end."""
-        self.step_limits.begin(self.t, t_end, self.n_steps)
-        longest = floor_to_grid(self.step_limits.longest[0])
+        self._progress = Progress(self.n_steps + self.tolerance.max_steps)
+        in_python = bool(self._marched.callbacks)
+        self._of_march = limits_of(self._of_step, self.t, t_end, in_python)
+        longest = floor_to_grid(self._of_march.longest)
         self._control["next"] = min(self._control["next"], longest)
 
     # progress of the march
@@ -205,7 +207,7 @@ class AdaptiveStepper(ResumableStepper, TangentStepper, JumpingStepper):
 
     def _steps(self, t_stop: float) -> FirstPiece | PolynomialPieces | None:
         """March towards `t_stop` by a limited number of steps; return dense output or None."""
-        n_rows = min(self._rows, self.step_limits.last_step - self.n_steps)
+        n_rows = min(self._rows, self._progress.last_step - self.n_steps)
         if n_rows == 0:
             return None
         if self._at_singular_start:
@@ -243,7 +245,7 @@ class AdaptiveStepper(ResumableStepper, TangentStepper, JumpingStepper):
         if status in (FOUND, CROSSED):
             status = self._note_jump(status)
         at_starts = steps.at_starts[:n, :, :d]  # y of the orbit, then p
-        if status in (FULL, TOO_CLOSE) and self.step_limits.is_stalled(
+        if status in (FULL, TOO_CLOSE) and self._progress.is_stalled(
             *before, self.t, counts, t_stop, at_starts, self._still_sizes()
         ):
             status = CRAWLING
@@ -307,7 +309,7 @@ class AdaptiveStepper(ResumableStepper, TangentStepper, JumpingStepper):
 
     def _still_sizes(self) -> np.ndarray:
         """Return the sizes of y, and of the unknown p, that tolerances refer to, (2, d)."""
-        sizes = self.allowed.of_step.sizes_of(self._sizes)
+        sizes = self._of_step.sizes_of(self._sizes)
         return np.array([sizes, np.where(self._form.above_one == 1, 0.0, sizes)])
 
     def _set_origin(self, t: float, since: float = 0.0) -> None:
@@ -322,9 +324,9 @@ class AdaptiveStepper(ResumableStepper, TangentStepper, JumpingStepper):
 
     def _limits(self, t_stop: float) -> Limits:
         """Return the `Limits` of a march from the origin to `t_stop`."""
-        return self.step_limits.limits(
-            self._marched, self._control["origin"], t_stop, self.allowed.of_step
-        )
+        beside, origin = self._marched.beside, self._control["origin"]
+        earliest, latest = beside(origin, 1), beside(t_stop, -1)
+        return self._of_march._replace(stop=t_stop, earliest=earliest, latest=latest)
 
     def _march_on(self, steps: Steps, limits: Limits) -> int:
         """March by ordinary steps in compiled code, filling `steps`; return the status code."""
@@ -353,7 +355,7 @@ class AdaptiveStepper(ResumableStepper, TangentStepper, JumpingStepper):
         """March a system by any rule in compiled code, filling `steps`; return the status code."""
         # solver None: one that has no factors yet is taken
         orbit = self._orbit
-        equations, offsets = orbit.equations(marched, *self._of_run)
+        equations, offsets = orbit.equations(marched, *self._bounds)
         varying = self._orders.compiled(orbit.of_varying)
         taken = _, (own, operators, weights, workspace) = take_workspace(
             self._form, arrays.modes, arrays.last.shape[3], offsets, solver
@@ -392,7 +394,7 @@ class AdaptiveStepper(ResumableStepper, TangentStepper, JumpingStepper):
         orbit, form, t, left = self._orbit, self._form, self.t, t_stop - self.t
         self._set_origin(t)
         of_run, jacobian, units = self._at_start(t_stop)
-        longest, idle = self.step_limits.longest
+        longest, idle = self._of_march.longest, self._of_march.longest_idle
         least = self._farthest / _LARGEST_RATIO
         self._ending, at_rest = TOO_STEEP, _FIRST_AT_REST * idle
         of_first = jacobian, units, self._state.reach.copy()
@@ -423,7 +425,7 @@ class AdaptiveStepper(ResumableStepper, TangentStepper, JumpingStepper):
     def _at_start(self, t_stop: float) -> tuple[Limits, Any, np.ndarray]:
         """Return `Limits` of a first step, the Jacobian of f there, and units of differences."""
         system, orbit, structure = self._marched, self._orbit, self._marched.structure
-        equations, _ = orbit.equations(system, *self._of_run)
+        equations, _ = orbit.equations(system, *self._bounds)
         limits, units, t = self._limits(t_stop), np.empty(system.d), self.t
         self._state.counts["rhs"] += 1
         out = np.empty((system.d, system.d)) if structure is None else structure.entries.copy()
@@ -467,7 +469,7 @@ class AdaptiveStepper(ResumableStepper, TangentStepper, JumpingStepper):
             marched = marched.dense() if at_edge else marched
             solver = stage_solver(marched.structure, form, n, at_edge)
             solver.stages.control[AT_EDGE] = float(at_edge)
-        limits = limits._replace(**self.allowed.of_first_step(variable.q)._asdict())
+        limits = limits._replace(tolerance=of_first_step(self._of_step, variable.q))
         status = self._march(marched, steps, limits, rule, basis, tables, arrays, solver)
         return steps, values if status in (FULL, REACHED) else None
 
@@ -477,7 +479,7 @@ class AdaptiveStepper(ResumableStepper, TangentStepper, JumpingStepper):
         """Move to the end of the first step after a singular start, and begin ordinary steps."""
         orbit, closest, t = self._orbit, self._closest(h), self.t
         if self.n_modes == 0:
-            orbit.open_modes(closest, self._farthest, self._known, self.allowed.of_modes)
+            orbit.open_modes(closest, self._farthest, self._known, self.tolerance.modes)
         elif closest < orbit.closest:
             orbit.refine(closest)
         orbit.finish_singular_start(variable, h, values)
@@ -489,11 +491,11 @@ class AdaptiveStepper(ResumableStepper, TangentStepper, JumpingStepper):
         """Begin ordinary steps; the first is so short that the solution hardly changes."""
         self._set_origin(self.t)
         least = 1e5 * self._farthest / _LARGEST_RATIO
-        h = self._form.graded_first_step(self.t, t_stop - self.t, self.allowed.of_step.least, least)
+        h = self._form.graded_first_step(self.t, t_stop - self.t, self._of_step.least, least)
         closest = self._closest(h)
         self._at_start(t_stop)
         if self.n_modes == 0:
-            self._orbit.open_modes(closest, self._farthest, self._known, self.allowed.of_modes)
+            self._orbit.open_modes(closest, self._farthest, self._known, self.tolerance.modes)
         if closest < self._orbit.closest:
             self._refine_modes(closest)
         # the right-hand side may jump here
@@ -519,12 +521,12 @@ class AdaptiveStepper(ResumableStepper, TangentStepper, JumpingStepper):
         """Fit kernels known by their values down to the shortest distance that steps may have."""
         closest = _MIN_FIRST_FIT_DISTANCE * t_end
         if self._form.solves_slopes and not self._form.varying:
-            first = self._form.graded_first_step(0.0, t_end, self.allowed.of_step.least)
+            first = self._form.graded_first_step(0.0, t_end, self._of_step.least)
             closest = self._closest(first)
-        of_modes = self.allowed.of_modes
-        errors = self._orbit.prefit_kernels(closest, self._farthest, self._known, of_modes)
-        warn_of_fit(errors.noise, self.allowed.rtol)
-        self._least = self._view.least(t_end, max(errors), self.allowed.of_step.by_size)
+        reach = closest, self._farthest, self._known
+        errors = self._orbit.prefit_kernels(*reach, self.tolerance.modes)
+        warn_of_fit(errors.noise, self.tolerance.rtol)
+        self._least = self._view.least(t_end, max(errors), self._of_step.by_size)
 
     def note_reads(self, change: np.ndarray) -> None:
         """Note the change (d,) of f by delayed values: its rounding is at least that of this."""
@@ -544,7 +546,7 @@ class AdaptiveStepper(ResumableStepper, TangentStepper, JumpingStepper):
     @property
     def uncertainty(self) -> np.ndarray:
         """Errors of y that the tolerance allows at the present time, (d,)."""
-        errors = self.allowed.of_run.at(self._orbit.x[0], self._sizes)
+        errors = self._of_run.at(self._orbit.x[0], self._sizes)
         return self._view.values(errors, errors)[0]
 
     @property
@@ -596,7 +598,7 @@ class AdaptiveStepper(ResumableStepper, TangentStepper, JumpingStepper):
         if self._error is not None:
             return failed(self._error)
         ended = self._ending
-        if ended is None and self.step_limits.used_up(self.n_steps) and self.t < self._t_end:
+        if ended is None and self.n_steps >= self._progress.last_step and self.t < self._t_end:
             ended = after_steps(self.n_steps)
         if ended is None:
             return None
@@ -606,7 +608,7 @@ class AdaptiveStepper(ResumableStepper, TangentStepper, JumpingStepper):
             return ROUGH_TABLE
         if self._begins_at_edge:
             return NO_SLOPE_AT_START
-        if (rounding := self._rounding_of_rows) > self.allowed.of_step.rtol:
+        if (rounding := self._rounding_of_rows) > self._of_step.rtol:
             return of_rounded_rows(self.t + self.system.frame.start, _OVER_ROUNDING * rounding)
         found = [part for part in (ended.detail, self._small_component()) if part]
         ended = ended._replace(detail="; ".join(found))
@@ -644,7 +646,7 @@ class AdaptiveStepper(ResumableStepper, TangentStepper, JumpingStepper):
     def _small_component(self) -> str:
         """Return a clause on the component with the largest error, if it may be rounding."""
         c = int(self._control["worst"])
-        if self.allowed.of_step.by_size == 0 or self._state.sizes[c] >= self._sizes[c]:
+        if self._of_step.by_size == 0 or self._state.sizes[c] >= self._sizes[c]:
             return ""
         return of_small_component(self._marched.of_y[c] // (2 if self.system.frame.paired else 1))
 
@@ -653,7 +655,7 @@ class AdaptiveStepper(ResumableStepper, TangentStepper, JumpingStepper):
         """Misfit of the kernels to the tolerance."""
         # memory that f reads has the tolerance of a step, because its errors add up: in renewal
         # equations over 8 to 30 generations y errs by up to 11 errors of the kernel
-        allowed = self.allowed.of_step if is_read(self.system) else self.allowed.of_run
+        allowed = self._of_step if is_read(self.system) else self._of_run
         misfit = self._orbit.kernels.errors.misfit(allowed.rtol)
         return Diagnostics(misfit=misfit)
 
@@ -678,7 +680,7 @@ class AdaptiveStepper(ResumableStepper, TangentStepper, JumpingStepper):
 
     def _error_estimate(self) -> float:
         """Return the largest error of a step, plus the errors that add up without damping."""
-        estimate = self.allowed.estimate(self._largest_error)
+        estimate = max(self._largest_error, STEP_FRACTION) * self.tolerance.rtol
         if self.n_steps <= _MAX_STEPS_PER_MARCH:
             return estimate
         moved = np.max(self._moved / np.maximum(self._sizes, LEAST))
@@ -686,8 +688,7 @@ class AdaptiveStepper(ResumableStepper, TangentStepper, JumpingStepper):
 
     def state(self) -> State:
         """Return a `State` from which a later run can continue."""
-        how = self._tolerance._replace(modes=self.allowed.of_modes)
-        return state_of(self, self._scheme, how)
+        return state_of(self, self._scheme, self.tolerance)
 
     def restore(self, state: State, allow_change: bool = False) -> None:
         """Continue from `state`; `allow_change` admits a changed right-hand side or parameters."""
@@ -746,5 +747,5 @@ class AdaptiveStepper(ResumableStepper, TangentStepper, JumpingStepper):
 
     def identity(self, t: float) -> dict[str, Any]:
         """Return the properties that a run to time t shares with a run that resumes it."""
-        how = {"number of nodes": self._s, "tolerances": self.allowed[:2]}
+        how = {"number of nodes": self._s, "tolerances": self.tolerance[:2]}
         return identity(self.system, t, **how)

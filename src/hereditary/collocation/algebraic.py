@@ -12,6 +12,7 @@ import numpy as np
 from ..compiled.jacobian import LEAST
 from ..equation.system import System
 from ..stepping.status import SolveWarning
+from ..stepping.tolerance import Tolerance
 from ..support.checks import refuse
 from ..support.scaling import condition, inverse
 from ..support.warning import warn
@@ -84,11 +85,10 @@ def _regular(matrix: np.ndarray) -> bool:
     return condition(matrix) <= _MAX_CONDITION_OF_ROWS
 
 
-def check_start(
-    system: System, t_end: float, rtol: float, atol: float | tuple[float, ...] | None
-) -> None:
+def check_start(system: System, t_end: float, tolerance: Tolerance) -> None:
     """Refuse algebraic rows that do not determine their unknowns, or that y(0) contradicts."""
     # warns if initial values contradict a row whose coefficients are next to 0 in a run to t_end
+    rtol = tolerance.rtol
     if system.d > 1:
         _name_tiny(system, t_end, rtol)
     if not system.has_algebraic:
@@ -110,7 +110,7 @@ def check_start(
             rounding = matrix @ np.abs(found) / matrix[np.arange(own.size), own]
         allowed = rtol * np.maximum(np.abs(y), np.abs(found))[own] + LEAST
         allowed += _CONSISTENCY_RTOL * np.nan_to_num(rounding, posinf=0.0)
-        allowed += 0.0 if atol is None else system.spread(system.frame.doubled(atol))[own]
+        allowed += np.asarray(tolerance.of_march(system, system.frame).atol)[own]
         wrong = own[np.abs(found[own] - y[own]) > allowed]
         if wrong.size == 0:
             return

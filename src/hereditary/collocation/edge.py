@@ -202,7 +202,7 @@ def take_limited_change(m, h, p, x, f):
             moved = abs(before - after)
             rounding = _ROUNDING_OF_EDGE * (abs(x_start[c]) + h * m.rule.nodes[i] * speed)
             if moved > max(_EDGE_NEWTON_RTOL * abs(after), rounding + LEAST):
-                small = small and moved <= _EDGE_TOL_FRACTION * m.limits.rtol * largest
+                small = small and moved <= _EDGE_TOL_FRACTION * m.limits.tolerance.rtol * largest
                 small = small and is_small(m, c, i, moved, f)
     return small
 
@@ -215,7 +215,8 @@ def is_small(m, c, i, moved, f):
         largest = 0.0
         for j in range(f.shape[1]):
             largest = max(largest, abs(f[e, j]))
-        small = small and abs(slopes[e, c]) * moved <= _EDGE_TOL_FRACTION * m.limits.rtol * largest
+        allowed = _EDGE_TOL_FRACTION * m.limits.tolerance.rtol * largest
+        small = small and abs(slopes[e, c]) * moved <= allowed
     return small
 
 

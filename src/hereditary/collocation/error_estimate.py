@@ -284,7 +284,7 @@ def tangent_error_ratio(m, h, table_index):
     # units. The derivative by a parameter p has at least the size _OF_QUOTIENT / |p|.
     values, p0 = m.workspace.values, m.orbit.initial
     errors, units = m.workspace.errors, m.workspace.units
-    worst, rtol = 0.0, max(m.limits.rtol, _TANGENT)
+    worst, rtol = 0.0, max(m.limits.tolerance.rtol, _TANGENT)
     for column in range(1, values.shape[0]):
         estimate_error(m, h, m.tables.local[table_index], values[column], p0[column], errors)
         size = 0.0

@@ -90,7 +90,7 @@ def attempt(march, t, h, table_index):
     set_starts(orbit, equations.above_one, workspace.starts)
     solved, again = False, True
     while again:
-        set_units(equations, workspace.sizes, orbit.x[0], limits, workspace.units)
+        set_units(equations, workspace.sizes, orbit.x[0], limits.tolerance, workspace.units)
         set_newton_tol(m, h)
         solved = solve_at_edge(m, h) if m.stages.control[AT_EDGE] == 1.0 else solve_stages(m, h)
         if not solved:
@@ -155,12 +155,13 @@ def set_starts(orbit, above_one, starts):
 
 
 @inner
-def set_units(equations, sizes, x, limits, out):
+def set_units(equations, sizes, x, tolerance, out):
     """Set the units of components, (d,), for the increments of difference quotients of f."""
     # The size of the component, or by an absolute tolerance the present |y|, at least atol / rtol.
     # Of a component without a size it is that of equations.units.
     for c in range(out.shape[0]):
-        unit = sizes[c] if limits.by_size > 0.0 else max(abs(x[c]), limits.atol[c] / limits.rtol)
+        by_atol = max(abs(x[c]), tolerance.atol[c] / tolerance.rtol)
+        unit = sizes[c] if tolerance.by_size > 0.0 else by_atol
         out[c] = unit if unit > LEAST else equations.units[c]
 
 
@@ -168,7 +169,7 @@ def set_units(equations, sizes, x, limits, out):
 def jacobian_at_start(start, out):
     """Set `out` to the Jacobian of f before a first step, the units of `start`, and the reach."""
     equations, state = start.equations, start.state
-    set_units(equations, state.sizes, start.x, start.limits, start.units)
+    set_units(equations, state.sizes, start.x, start.limits.tolerance, start.units)
     start.right.jacobian(start.right.force, start.t, start.x, start.units, out)
     later = min(start.t + _LATER_START * start.limits.t_end, start.limits.latest)
     moved = np.empty(start.x.shape[0])
@@ -267,11 +268,12 @@ def take_steps(march):
             stages.control[LENGTH] = 0.0
         assembled_for = h
         ratio, solved, by_defect = attempt(march, t, h, table_index)
+        factor = _SAFETY * max(ratio, 1e-12) ** (-1.0 / (s + lowest))
         # an error that allows more growth than _MAX_FACTOR does not show what a longer step would
         # miss
-        idle = ratio < (_SAFETY / _MAX_FACTOR) ** (s + lowest)
+        idle = factor > _MAX_FACTOR
         longest = floor_to_grid(limits.longest_idle if idle else limits.longest)
-        planned = next_length(h, control.next, ratio, was_rejected, s + lowest)
+        planned = next_length(h, control.next, ratio, was_rejected, factor)
         planned = worth_new_factors(h, planned, ratio, stages)
         control.next = min(planned, longest)
         twice, was_rejected = was_rejected, not ratio <= 1.0
@@ -416,16 +418,15 @@ def orders_tabulated(t, h, varying):
 
 
 @inner
-def next_length(h, planned, ratio, was_rejected, order):
+def next_length(h, planned, ratio, was_rejected, factor):
     """Return the length of the next step after a step of length h."""
-    # h times a power of ratio, the error over the tolerance, within limits, down to the grid of
-    # lengths. A quarter of h if the step was not solved (ratio infinite). The length planned before
-    # if the accepted step was shortened to end at a stop.
+    # h times the factor that its error allows, within limits, down to the grid of lengths. ratio:
+    # error over tolerance. A quarter of h if the step was not solved (ratio infinite). The length
+    # planned before if the accepted step was shortened to end at a stop.
     if ratio <= 1.0 and h < planned:
         return planned
     if not ratio < np.inf:
         return 0.25 * h
-    factor = _SAFETY * max(ratio, 1e-12) ** (-1.0 / order)
     return floor_to_grid(h * max(_MIN_FACTOR, min(1.0 if was_rejected else _MAX_FACTOR, factor)))
 
 

@@ -125,7 +125,7 @@ def force_on_its_side(m, t, x, point, f):
     finite, moved = all_finite(f), False
     for c in range(0 if finite or m.state.control.begins == 0.0 else f.shape[0]):
         along, change = point[c] - x_start[c], x[c, -1] - x_start[c]
-        if along * change < 0.0 and abs(along) <= m.limits.rtol * abs(change):
+        if along * change < 0.0 and abs(along) <= m.limits.tolerance.rtol * abs(change):
             point[c], moved = x_start[c], True
     if moved:
         m.state.counts.rhs += 1

@@ -2,11 +2,9 @@
 
 import numpy as np
 
-from ..equation.system import System
+from ..stepping.tolerance import Tolerance
 from .structures import Limits
 
-# Default of the largest number of steps of a run.
-MAX_STEPS = 1_000_000
 # Longest step while the solution is at rest, as fraction of the run. A longer step could miss a
 # force that sets in later.
 _DORMANT = 1 / 32
@@ -26,40 +24,21 @@ _MAX_REJECTED_RATIO = 0.125
 _MOST_STEPS = 1e7
 
 
-class StepLimits:
-    """Step limits of one run, and detection of a run that makes no progress."""
+def limits_of(tolerance: Tolerance, t: float, t_end: float, in_python: bool) -> Limits:
+    """Return the `Limits` of a march from t to t_end, by the tolerance of a step."""
+    # in_python: whether f is a function in Python
+    longest = min(tolerance.max_step, t_end - t)
+    idle = min(longest, _DORMANT * (t_end - t))
+    looks = _LOOKS_IN_PYTHON if in_python else _LOOKS
+    return Limits(t_end, t, t_end, longest, idle, t_end, looks * t_end, tolerance)
 
-    def __init__(self, max_step: float, max_steps: int) -> None:
-        # longest: step, and step while the solution is at rest [time]. last_step: from t = 0 on.
-        self._max_step, self._max_steps = max_step, max_steps
-        self.longest, self.last_step = (0.0, 0.0), 0
+
+class Progress:
+    """Progress of a run of at most `last_step` steps from t = 0 on."""
+
+    def __init__(self, last_step: int) -> None:
+        self.last_step = last_step
         self._slow: list[float] = []
-        self._t_end = np.inf
-
-    def begin(self, t: float, t_end: float, n_steps: int) -> None:
-        """Set the limits of a run from t to t_end, if `n_steps` steps were accepted before t."""
-        longest, self._t_end = min(self._max_step, t_end - t), t_end
-        self.longest = longest, min(longest, _DORMANT * (t_end - t))
-        self.last_step = n_steps + self._max_steps
-
-    def limits(
-        self,
-        system: System,
-        origin: float,
-        t_stop: float,
-        tolerances: tuple[float, np.ndarray, float],
-    ) -> Limits:
-        """Return the `Limits` of a march from `origin` to `t_stop`, with tolerances `Allowed`."""
-        looks = _LOOKS_IN_PYTHON if system.callbacks else _LOOKS
-        (longest, idle), (rtol, atol, by_size) = self.longest, tolerances
-        return Limits(
-            t_stop, system.beside(origin, 1), system.beside(t_stop, -1), longest, idle,
-            rtol, atol, by_size, self._t_end, looks * self._t_end,
-        )  # fmt: skip
-
-    def used_up(self, n_steps: int) -> bool:
-        """Return whether a run has made all the steps that are allowed."""
-        return n_steps >= self.last_step
 
     def is_stalled(
         self,

@@ -34,6 +34,7 @@ from ..compiled.jit import (
 from ..compiled.records import record
 from ..compiled.reference import FunctionField, Reference
 from ..compiled.signatures import RightSide
+from ..stepping.tolerance import Tolerance
 
 # Record of a convolution term: its row, its integrand, the index of its order or kernel, and its
 # coefficient.
@@ -209,22 +210,16 @@ class Steps(NamedTuple):
 
 
 class Limits(NamedTuple):
-    """Limits of a march: its stop, its longest steps, and its tolerances.
-
-    A component y may err by ``atol + rtol |y| + by_size size``. Its size is the largest |y| so far
-    (see `StageWorkspace.sizes`).
-    """
+    """Limits of a march: its stop, its longest steps, and the allowed errors of a step."""
 
     stop: float  # time at which the march ends
     earliest: float  # time from which f may be called
     latest: float  # time up to which f may be called
     longest: float  # longest step [time]
     longest_idle: float  # longest step [time] where the solution is at rest
-    rtol: float
-    atol: Annotated[Vector, "d"]
-    by_size: float
     t_end: float  # length of the run
     looks: float  # distance of the times at which f is looked at between the nodes
+    tolerance: Tolerance  # of a step; it refers to `StageWorkspace.sizes`
 
 
 class FirstJacobian(NamedTuple):

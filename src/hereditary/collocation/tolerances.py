@@ -7,7 +7,6 @@ Letters of shapes: d components. The primary unknown p is y, or y' for orders ab
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
 
 import numpy as np
 
@@ -15,8 +14,8 @@ from ..compiled.jacobian import LEAST
 from ..compiled.jit import inner
 from ..compiled.linalg import largest_of
 from ..compiled.reach import HORIZON, SMALL, YOUNG
+from ..stepping.tolerance import Tolerance
 from .operators import POSITION, PRIMARY
-from .step_limits import MAX_STEPS
 
 # Largest error of one step, as fraction of the tolerance of a run. With 1, undamped pairs of order
 # 0.95 err by 1.6 tolerances after 900 periods at rtol 1e-2, and P4 and P6 take more steps there.
@@ -30,8 +29,6 @@ _MODES_FRACTION = 1e-4
 _OF_MODES = 5.0
 # Relative error that rounding adds in each step of an undamped solution.
 _ROUNDING_PER_STEP = 1e-15
-# Tolerance relative to the size of a component, as fraction of rtol, if no atol is given.
-OF_SIZE = 0.01
 # First steps use the variable u with t = u**q. From this q on errors are estimated too small,
 # because u**q changes only near the end. The tolerance of the step is then multiplied by this
 # number over q.
@@ -58,74 +55,18 @@ ROUNDING_OF_SUMS = 1e-15
 OF_SPEED = 4.0
 
 
-class Allowed(NamedTuple):
-    """Allowed errors of y: relative to |y|, absolute (d,), and relative to sizes of components."""
-
-    rtol: float
-    atol: np.ndarray
-    by_size: float
-
-    def times(self, factor: float) -> Allowed:
-        """Return the allowed errors, multiplied by a factor."""
-        rtol, atol, by_size = self
-        return Allowed(factor * rtol, factor * atol, factor * by_size)
-
-    @property
-    def least(self) -> float:
-        """Return the allowed error at y = 0 of the component with the smallest one."""
-        return float(self.atol.min()) + self.by_size
-
-    def at(self, y: np.ndarray, sizes: np.ndarray) -> np.ndarray:
-        """Return the allowed errors at y (d,) of components with these sizes (d,)."""
-        return self.rtol * np.abs(y) + self.atol + self.by_size * sizes
-
-    def sizes_of(self, sizes: np.ndarray) -> np.ndarray:
-        """Return the sizes (d,) that the errors refer to: those given, or atol / rtol."""
-        return sizes if self.by_size > 0 else self.atol / (OF_SIZE * self.rtol)
+def of_modes(tolerance: Tolerance) -> float:
+    """Return the relative error of the modes for the tolerance of a run."""
+    # with larger errors of the modes the solution would look rough, and no step would be short
+    # enough
+    allowed = max(1e-14, min(1e-3, _MODES_FRACTION * (STEP_FRACTION * tolerance.rtol)))
+    return min(allowed, tolerance.modes)
 
 
-class Tolerance(NamedTuple):
-    """Tolerances of a run, and limits of its steps, under the names of the arguments of `solve`."""
-
-    rtol: float = 1e-6
-    atol: float | tuple[float, ...] | None = None  # for each component; None: relative to sizes
-    modes: float | None = None  # relative error of the modes; None: as the others require
-    max_step: float | None = None  # [time]
-    max_steps: int = MAX_STEPS
-
-
-class ErrorPolicy(NamedTuple):
-    """Allowed errors of a run: what the user's tolerances mean for each purpose."""
-
-    rtol: float  # the user's, as `atol`
-    atol: float | tuple[float, ...] | None
-    of_run: Allowed  # errors of y at any time
-    of_step: Allowed  # errors of one step
-    of_modes: float  # relative error of the modes
-
-    @classmethod
-    def of(cls, tolerance: Tolerance, atol: np.ndarray) -> ErrorPolicy:
-        """Return the allowed errors of a `Tolerance`, whose atol is that of each component (d,)."""
-        rtol = tolerance.rtol
-        of_run = Allowed(rtol, atol, OF_SIZE * rtol if tolerance.atol is None else 0.0)
-        of_step = of_run.times(STEP_FRACTION)
-        # with larger errors of the modes the solution would look rough, and no step would be short
-        # enough
-        of_modes = max(1e-14, min(1e-3, _MODES_FRACTION * of_step.rtol))
-        if tolerance.modes is not None:
-            of_modes = min(of_modes, tolerance.modes)
-        return cls(rtol, tolerance.atol, of_run, of_step, of_modes)
-
-    def of_first_step(self, q: float) -> Allowed:
-        """Return the allowed errors of a first step in the variable u, where t = u**q."""
-        rounding = _MIN_RTOL_OF_FIRST_STEPS / self.of_step.rtol
-        return self.of_step.times(
-            min(1.0, max(_MAX_RESOLVED_Q / q, _MIN_FIRST_TOL_FACTOR, rounding))
-        )
-
-    def estimate(self, largest: float) -> float:
-        """Return a damped run's relative error, from the largest of a step over tolerance."""
-        return max(largest, STEP_FRACTION) * self.rtol
+def of_first_step(of_step: Tolerance, q: float) -> Tolerance:
+    """Return the tolerance of a first step in the variable u, where t = u**q."""
+    rounding = _MIN_RTOL_OF_FIRST_STEPS / of_step.rtol
+    return of_step.times(min(1.0, max(_MAX_RESOLVED_Q / q, _MIN_FIRST_TOL_FACTOR, rounding)))
 
 
 def undamped(estimate: float, of_fit: float, moved: float, n_steps: int) -> float:
@@ -240,7 +181,8 @@ def error_of_growth(m, h, c):
     driven = abs(m.orbit.p[0, c]) <= LEAST < state.reach[c]
     if state.control.begins == 0.0 or not driven or not h < state.since[c] < np.inf:
         return 0.0
-    return m.limits.rtol * largest * (state.since[c] / h) ** power_of_time(m.rule.nodes, p)
+    power = power_of_time(m.rule.nodes, p)
+    return m.limits.tolerance.rtol * largest * (state.since[c] / h) ** power
 
 
 @inner
@@ -261,10 +203,11 @@ def allowed_error(c, value, size, is_speed, end, limits):
     # value: |y_c| or |y_c'|, size: that of y_c. The relative part of y' is that of y. Others are
     # those of y over the time in which the error of y' moves y: the run, or end [time] for the
     # absolute one.
+    tolerance = limits.tolerance
+    atol, rtol, by_size = tolerance.atol[c], tolerance.rtol, tolerance.by_size
     if is_speed == 1:
-        least = limits.atol[c] / max(1.0, end) + OF_SPEED * limits.by_size * size / limits.t_end
-        return least + limits.rtol * value
-    return limits.atol[c] + limits.by_size * size + limits.rtol * value
+        return atol / max(1.0, end) + OF_SPEED * by_size * size / limits.t_end + rtol * value
+    return atol + by_size * size + rtol * value
 
 
 @inner

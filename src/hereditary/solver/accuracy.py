@@ -16,17 +16,17 @@ from typing import Any, cast
 import numpy as np
 
 from ..collocation.method import Collocation
-from ..collocation.opening import TOLERANCE_FLOOR
 from ..compiled.reach import NOISE
 from ..stepping.scheme import Scheme
 from ..stepping.state import State
 from ..stepping.status import SolveWarning, Status
 from ..stepping.stepper import ResumableStepper
 from ..stepping.times import together
+from ..stepping.tolerance import TOLERANCE_FLOOR
 from ..support.checks import refuse
 from ..support.html import paragraph, table_html
 from ..support.warning import ThreadSwitch, silence, warn
-from .opening import chooses_steps
+from .opening import chooses_steps, how_to_step
 from .output import Kept
 from .problem import Outcome, Problem
 from .progress import Interruption
@@ -295,8 +295,10 @@ class Provenance:
         state = None if self.resume is None else self.resume.accurate
         if state is not None:
             t = t[t >= state.t + problem.system.frame.start]
-        options: Any = {"resume": state, "allow_change": self.allow_change, "late": late}
-        found = problem.solved(scheme, Kept(1, t, self.components), **options, **steps)
+        t_end = problem.t_end - problem.system.frame.start
+        policy = how_to_step(problem.system, scheme, t_end, state, **steps)
+        kept = Kept(1, t, self.components)
+        found = problem.solved(scheme, policy, kept, None, state, self.allow_change, late=late)
         if found.solution.status is Status.INTERRUPTED and not (late and late.over):
             signal.raise_signal(signal.SIGINT)  # a loop of runs ends here
         return found

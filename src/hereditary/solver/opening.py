@@ -1,7 +1,7 @@
 """Check the arguments that determine the steps of a run, and open the stepper for them."""
 
 from dataclasses import replace
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 
@@ -12,10 +12,15 @@ from ..equation.system import System
 from ..given.history.exponentials import SumOfExponentials
 from ..given.history.history import History
 from ..given.opening import given_steps, open_given
+from ..given.steps import MeshSteps, UniformSteps
 from ..stepping.scheme import Scheme
 from ..stepping.state import State
+from ..stepping.tolerance import Tolerance
 from ..support.checks import instance, refuse
 from .delayed import DelayedStepper
+
+# How a run steps.
+Policy: TypeAlias = UniformSteps | MeshSteps | Tolerance
 
 
 def chooses_steps(scheme: Scheme) -> bool:
@@ -26,8 +31,8 @@ def chooses_steps(scheme: Scheme) -> bool:
 def how_to_step(
     system: System, scheme: Scheme, t_end: float, state: State | None = None, *,
     history: History | None = None, **steps: Any,
-) -> Any:  # fmt: skip
-    """Return how a run steps: `UniformSteps`, `MeshSteps` or a `Tolerance`."""
+) -> Policy:  # fmt: skip
+    """Return how a run steps, from the arguments of `solve` that say it."""
     # t_end counts from the start; a state's steps, or its tolerances unless others are given, are
     # kept; steps: arguments of `solve`, with mesh=False if the caller has no such argument
     if history is not None:
@@ -41,30 +46,30 @@ def how_to_step(
 
 
 def open_stepper(
-    system: System, scheme: Scheme, history: History | None, policy: Any, t_end: float,
+    system: System, scheme: Scheme, history: History | None, policy: Policy, t_end: float,
     state: State | None = None, allow_change: bool = False, directions: np.ndarray | None = None,
 ) -> tuple[Any, Any]:  # fmt: skip
     """Return a stepper at the start of a run, or at its `state`, and the position of its end."""
-    # policy: from `how_to_step`; t_end: from the start; directions: initial ones of tangents
+    # t_end: from the start; directions: initial ones of tangents
     if system.delays or system.switches:  # which have arrays that change during a march
         functions = system.functions.for_a_march(room_of(system.n_solved))
         system = replace(system, functions=functions)
     if system.delays:
         return _open_delayed(system, scheme, history, policy, t_end, state, allow_change)
-    if chooses_steps(scheme):
+    if isinstance(policy, Tolerance):
         return open_adaptive(system, scheme, policy, t_end, state, allow_change, directions)
     return open_given(system, scheme, history, policy, state, allow_change, directions)
 
 
 def _open_delayed(
-    system: System, scheme: Scheme, history: History | None, policy: Any, t_end: float,
+    system: System, scheme: Scheme, history: History | None, policy: Policy, t_end: float,
     state: State | None, allow_change: bool,
 ) -> tuple[Any, Any]:  # fmt: skip
     """Return a stepper that fills tables of delayed values, and the position of the run's end."""
     delays, system = system.delays, replace(system, delays=())
     own = state and replace(state, checkpoint=state.checkpoint[0])
     inner, last = open_stepper(system, scheme, history, policy, t_end, own, allow_change)
-    rtol = policy.rtol if chooses_steps(scheme) else None
+    rtol = policy.rtol if isinstance(policy, Tolerance) else None
     stepper = DelayedStepper(inner, delays, t_end, rtol)
     if state is not None:
         stepper.remember(state.checkpoint[1])

@@ -17,7 +17,7 @@ from ..stepping.state import State
 from ..stepping.stepper import ResumableStepper
 from .events import Events, inner_event
 from .hybrid import Hybrid
-from .opening import how_to_step, open_stepper
+from .opening import Policy, open_stepper
 from .output import Kept, Output
 from .run import Drive, run
 from .solution import Solution
@@ -48,9 +48,9 @@ class Problem:
     changes: Mapping[float, Callable]
 
     def solved(
-        self, scheme: Scheme, kept: Kept, *, history: History | None = None,
+        self, scheme: Scheme, policy: Policy, kept: Kept, history: History | None = None,
         resume: State | None = None, allow_change: bool = False, progress: bool = False,
-        late: Callable[[ResumableStepper], bool] | None = None, **steps: Any,
+        late: Callable[[ResumableStepper], bool] | None = None,
     ) -> Outcome:  # fmt: skip
         """Solve the problem by a scheme, from the start or from a state."""
         # late(stepper): called between parts of a run of `Collocation`, which ends where it is True
@@ -60,7 +60,6 @@ class Problem:
         if self.switches or self.changes or changing:
             hybrid = Hybrid(system, scheme, self.events, self.switches, self.changes)
             system = hybrid.system
-        policy = how_to_step(system, scheme, t_end, resume, history=history, **steps)
         stepper, stop = open_stepper(system, scheme, history, policy, t_end, resume, allow_change)
         if late is not None:
             stepper.limit_rows(max(_LEAST_ROWS, _VALUES_BETWEEN_LOOKS // system.d))

@@ -18,7 +18,6 @@ from ..collocation.exponential_basis import KernelBasis, PowerLawBasis
 from ..collocation.first_rule import Variable
 from ..collocation.orbit import OrbitAndTangents
 from ..collocation.pieces import FirstPiece, PolynomialPieces
-from ..collocation.tolerances import Tolerance
 from ..collocation.varying import VaryingBasis
 from ..given.first_steps import FirstSteps
 from ..given.history.history import History
@@ -27,6 +26,7 @@ from ..kernels.memory_kernel import ExponentialSum, KernelErrors
 from ..stepping.dense import StepPieces
 from ..stepping.scheme import Scheme
 from ..stepping.state import State, check_version
+from ..stepping.tolerance import Tolerance
 from ..support.checks import complaint, refuse
 from .delayed import Remembered, Solved
 

@@ -18,19 +18,28 @@ from ..stepping.state import State, check_sound
 from ..stepping.times import checked_breaks
 from ..support import checks
 from .accuracy import Provenance
-from .elsewhere import OF_OTHERS
-from .opening import chooses_steps
+from .opening import chooses_steps, how_to_step
 from .output import Kept
 from .problem import Problem
 from .solution import Solution
 
 CHANGES = "map times to functions change(t, y), e.g. {12.0: dose}"
+# For keywords of other solvers, what a message says to write instead.
+OF_OTHERS = {
+    "t0": "Equation(..., t_start=t0) sets the start",
+    "t_span": "Equation(..., t_start=...) sets the start, and t_end the end",
+    "y0": "Equation(terms, rhs, y0) has it",
+    "args": "Equation(..., params=args) has them",
+    "jac": "Equation(..., jac=...) has it",
+    "dense_output": "sol(t) is the dense output of every solution",
+    "method": "pass scheme=, e.g. scheme=hd.BDF(2)",
+    "first_step": "the first step is chosen by the tolerance, or is that of n_steps",
+    "h": "pass n_steps, for steps of (t_end - t_start) / n_steps",
+    "dt": "pass n_steps, for steps of (t_end - t_start) / n_steps",
+}
 
 
-@checks.refusing(
-    OF_OTHERS
-    | {"args": "pass params=", "dense_output": "sol(t) is the dense output of every solution"}
-)
+@checks.refusing(OF_OTHERS | {"args": "pass params="})
 def solve(
     equation: Equation,
     t_end: float,
@@ -241,10 +250,11 @@ def solve(
     functions, jumping = listed(events), listed(switches)
     changes = {} if changes is None else checks.mapping("changes", changes, CHANGES)
     problem = Problem(equation.system, t_last, breaks, functions, jumping, changes)
-    solved = problem.solved(
-        scheme, kept, history=history, resume=resume, allow_change=allow_change, progress=progress,
+    policy = how_to_step(
+        equation.system, scheme, t_last - start, resume, history=history,
         n_steps=n_steps, mesh=mesh, rtol=rtol, atol=atol, max_step=max_step, max_steps=max_steps,
     )  # fmt: skip
+    solved = problem.solved(scheme, policy, kept, history, resume, allow_change, progress)
     provenance = Provenance(problem, scheme, kept.components, solved.jumps, resume, allow_change)
     solution = solved.solution
     object.__setattr__(solution, "provenance", provenance)  # it is new: nobody else has it yet
