@@ -237,7 +237,9 @@ SWINGING = hd.Delay(lambda t: 1 + 0.5 * np.sin(t))
 
 
 @pytest.mark.parametrize(
-    "memory", [[WHOLE], [hd.Delay(0.61), SWINGING], [WHOLE, hd.Caputo(0.4)]], ids=str
+    "memory",
+    [[WHOLE], [hd.Delay(0.61), SWINGING], [WHOLE, hd.Caputo(0.4)]],
+    ids=["one", "two", "beside memory"],
 )
 @pytest.mark.parametrize("order", [0.7, 1.0, 1.8, 2.0])
 def test_pairs_of_a_linear_equation_grow_as_a_solution(order, memory):
