@@ -97,6 +97,8 @@ class DelayedStepper(ResumableStepper, JumpingStepper):
         self._pieces = opened(inner, delays, self._taus, self._pasts)
         self._roots, self._sides = self._of_start()  # kinks of f; jumps that each delay reads
         self._kinks = self._later(self._roots)
+        if self.on_given_steps:
+            self._last_step()
 
     def _singular_below(self) -> float:
         """Return the exponent of f below which the march begins anew at a kink."""
@@ -257,7 +259,8 @@ class DelayedStepper(ResumableStepper, JumpingStepper):
         lowest = np.minimum.reduceat(exponents[order], begins)
         again, stops = lowest < self._singular, self._stops(lowest)
         self._stops_at, self._until = self._marks[stops], -1.0
-        seen = np.union1d(self._marks[self._stops(lowest + self._gain)], self._jumps)
+        later = np.maximum(lowest, 0.0) + self._gain
+        seen = np.union1d(self._marks[self._stops(later)], self._jumps)
         self._known_sides = [np.union1d(seen, own) for own in self._sides]
         self._take(self._pieces._replace(ends=self._marks[~stops]))
         self._inner.set_breaks(self._marks[again], self._t_end)
@@ -288,22 +291,29 @@ class DelayedStepper(ResumableStepper, JumpingStepper):
 
     def _advance_given(self, stop: float, keep: bool) -> Piece | None:
         """March by given steps towards step `stop`, at most to the last known delayed value."""
-        inner = self._inner
-        t, n, self._pieces.read_at[:] = inner.t, inner.position, np.nan
+        inner, n = self._inner, self._inner.position
+        self._pieces.read_at[:] = np.nan
         try:
-            until = min(min(_when(delay, t, t, self._t_end) for delay in self._delays), self._t_end)
-            found = inner.stop_at(until)
-            last = found.position - int(found.t > until * (1 + _ALIKE))
-            if last <= n < inner.stop_at(self._t_end).position:
-                required = "be at least a step h on given steps"
-                refuse("tau", required, f"{until - t:g} at t = {t:g}", "take more steps")
+            last = self._last_step()
         except Exception as error:
             self._error = error
             return None
+        earliest = self._earliest()  # events read delayed values at times of these steps
         piece = inner.advance(min(stop, last))
         if piece is not None:
-            self._take(appended(self._pieces, piece, n, self._earliest()))
+            self._take(appended(self._pieces, piece, n, earliest))
         return piece if keep else None
+
+    def _last_step(self) -> int:
+        """Return the last given step whose delayed values are known."""
+        inner, t = self._inner, self._inner.t
+        until = min(min(_when(delay, t, t, self._t_end) for delay in self._delays), self._t_end)
+        found = inner.stop_at(until)
+        last = int(found.position) - int(found.t > until * (1 + _ALIKE))
+        if last <= inner.position < inner.stop_at(self._t_end).position:
+            required = "be at least a step h on given steps"
+            refuse("tau", required, f"{until - t:g} at t = {t:g}", "take more steps")
+        return last
 
     def linear_arrays(self) -> list[np.ndarray]:
         """Return every array that is linear in the solution, with pieces that delays read."""
