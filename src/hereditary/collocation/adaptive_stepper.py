@@ -191,6 +191,7 @@ class AdaptiveStepper(ResumableStepper, TangentStepper, JumpingStepper):
         self._control["next"] = min(self._control["next"], longest)
 
     # progress of the march
+    form = property(attrgetter("_form"))
     position = property(attrgetter("t"))
 
     def _read_progress(self) -> None:
@@ -531,20 +532,6 @@ class AdaptiveStepper(ResumableStepper, TangentStepper, JumpingStepper):
         errors = self._orbit.prefit_kernels(closest, self._farthest, self._known, of_modes)
         warn_of_fit(errors.noise, self.allowed.rtol)
         self._least = self._view.least(t_end, max(errors), self.allowed.of_step.by_size)
-
-    def by_means(self, d: int) -> np.ndarray:
-        """Return 1 for the first d components whose unknown is y', else 0."""
-        return self._form.above_one[:d].copy()
-
-    @property
-    def lowest_exponent(self) -> float:
-        """Exponent of time with which a solution begins, above a polynomial."""
-        return self._form.generators[0]
-
-    @property
-    def jumps_with_f(self) -> bool:
-        """Whether a component may jump where f does, or begin anew with a kernel."""
-        return bool(self._form.algebraic.any() or self._form.kernels)
 
     def take_delays(self, delays: Delays) -> None:
         """Let f read delayed values from these pieces."""

@@ -2,7 +2,7 @@
 
 A piece is a polynomial in the variable u of a step (collocation/first_rule.py), or a past or a
 delay as polynomials in time. A march appends a piece for each accepted step. Python makes room for
-further ones, and drops those that no delay reads any more (solver/ring.py).
+further ones, and drops those that no delay reads any more (solver/delayed_pieces.py).
 """
 
 import math
@@ -75,14 +75,10 @@ def look_up_all(delays, t):
 @inner
 def next_end(delays, t):
     """Return the first of the times after t at which a step ends, or infinity."""
-    first, last, t = 0, delays.ends.shape[0], t + _SAME_TIME * abs(t)
-    while first < last:
-        middle = (first + last) // 2
-        if delays.ends[middle] <= t:
-            first = middle + 1
-        else:
-            last = middle
-    return delays.ends[first] if first < delays.ends.shape[0] else np.inf
+    n, t = delays.ends.shape[0], t + _SAME_TIME * abs(t)
+    i = find_piece(delays.ends, 0, n, t)
+    i += int(i < n and delays.ends[i] <= t)
+    return delays.ends[i] if i < n else np.inf
 
 
 @inner
@@ -95,7 +91,7 @@ def look_up(delays, number, t, out):
         first, end = delays.ranges[4 * number + 2], delays.ranges[4 * number + 3]
     if first < end:
         piece = find_piece(delays.starts, first, end, s)
-        evaluate(delays, piece, s, s >= 0.0, out)
+        set_value(delays, piece, s, s >= 0.0, out)
     for c in range(out.shape[0] if s < 0.0 else 0):
         out[c] += delays.displacements[number, c]
     for c in range(out.shape[0]):
@@ -149,7 +145,7 @@ def weigh(delays, piece, t):
 
 
 @inner
-def evaluate(delays, piece, t, of_step, out):
+def set_value(delays, piece, t, of_step, out):
     """Set out (d,) to the values of a piece at time t; `of_step` if it is not a past."""
     weigh(delays, piece, t)
     values, width, place = delays.polynomials, delays.widths[piece], delays.places[piece]
@@ -184,53 +180,40 @@ def within_delays(delays, t, h):
 
 
 @inner
-def is_full(delays, s):
-    """Return whether there is no room for a piece of a step with s nodes."""
-    used = delays.counts[USED] + delays.by_means.shape[0] * (s + 1)
-    return delays.counts[PIECES] == delays.starts.shape[0] or used > delays.numbers.shape[0]
-
-
-@inner
-def add_step(delays, rule, start, h, p, x_start, p_start):
-    """Append the piece of a step of length h, from p at its nodes, and y and p at its start."""
-    # rule: a `Rule`; p (d, s), x_start and p_start (d,)
+def add_step(delays, rule, steps, row):
+    """Append the piece of an accepted step, a row of `steps`."""
+    p, x_start, p_start = steps.p[row], steps.at_starts[row, 0], steps.at_starts[row, 1]
     numbers, nodes, legendre = delays.numbers, rule.nodes, rule.legendre
-    integral, s, piece = (
-        rule.integrals[rule.integrals.shape[0] - 1],
-        nodes.shape[0],
-        delays.counts[PIECES],
-    )
-    place = delays.counts[USED]
-    width = s + 1
+    integral, s = rule.integrals[rule.integrals.shape[0] - 1], nodes.shape[0]
+    piece, place, width = delays.counts[PIECES], delays.counts[USED], s + 1
     for c in range(delays.by_means.shape[0]):
-        row = numbers[place + c * width : place + (c + 1) * width]
+        of_c = numbers[place + c * width : place + (c + 1) * width]
         for k in range(width):
-            row[k] = 0.0
+            of_c[k] = 0.0
         if delays.by_means[c] == 1:
-            row[0] = x_start[c]
+            of_c[0] = x_start[c]
             for i in range(s):
                 mean = 0.0
                 for j in range(s):
                     mean += integral[i, j] * p[c, j]
                 mean = mean / nodes[i] if nodes[i] > 0.0 else p[c, i]
                 for k in range(s):
-                    row[1 + k] += legendre[k, i] * mean
+                    of_c[1 + k] += legendre[k, i] * mean
             continue
         limit, change, sign = 0.0, 0.0, 1.0
         for k in range(s):
             for i in range(s):
-                row[k] += legendre[k, i] * p[c, i]
-            limit += sign * row[k]
+                of_c[k] += legendre[k, i] * p[c, i]
+            limit += sign * of_c[k]
             sign = -sign
             change = max(change, abs(p[c, k] - p_start[c]))
-        if abs(limit - p_start[c]) <= _JUMPED * change:
+        if abs(limit - p_start[c]) <= _JUMPED * change:  # through p at the start
             part = 0.5 * sign * (p_start[c] - limit)
-            row[s] += part
-            row[s - 1] -= part
-    delays.starts[piece], delays.lengths[piece] = start, h
+            of_c[s] += part
+            of_c[s - 1] -= part
+    delays.starts[piece], delays.lengths[piece] = steps.starts[row], steps.lengths[row]
     for k in range(3):
         delays.variables[piece, k] = rule.variable[k]
     delays.places[piece], delays.widths[piece] = place, width
+    delays.counts[PIECES], delays.counts[USED] = piece + 1, place + width * delays.by_means.shape[0]
     delays.read_at[0] = np.nan
-    delays.counts[PIECES] = piece + 1
-    delays.counts[USED] = place + width * delays.by_means.shape[0]

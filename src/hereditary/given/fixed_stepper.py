@@ -196,10 +196,6 @@ class FixedStepper(ResumableStepper, TangentStepper, JumpingStepper):
         self._workspace = zeros(StepWorkspace, W=width, d=units.size)._replace(units=units)
         self._right = self._marched.compiled
 
-    def by_means(self, d: int) -> np.ndarray:
-        """Return 0 for the first d components: delays read y itself."""
-        return np.zeros(d, dtype=np.int64)
-
     def take_delays(self, pieces: Delays) -> None:
         """Let f read delayed values from these pieces."""
         self.system = with_pieces(self.system, pieces)

@@ -1,8 +1,8 @@
 """The march of an equation with delays, whose delayed values come from the march's own steps.
 
 The stepper of an equation without delays marches, and its right-hand side reads the solution of
-earlier steps in compiled code (compiled/delayed_values.py). Here are the kinks that delays make of
-a start or a jump, and what a march needs before it begins: the pasts, and delays that vary.
+earlier steps in compiled code (compiled/delayed_values.py). This file knows the kinks that delays
+make of a start or a jump. Before a march begins it writes pasts, and delays that vary, as pieces.
 
 A kink of f with the exponent e makes a kink of the solution with e plus the lowest order. With
 exponents up to 1 there the march begins anew. Otherwise a step ends at the kink, if 0.01**e exceeds
@@ -28,7 +28,15 @@ from ..stepping.stepper import JumpingStepper, ResumableStepper
 from ..stepping.times import together
 from ..support.checks import refuse
 from ..support.warning import warn
-from .delayed_pieces import appended, contents, forget, joined, opened, roomy, solved
+from .delayed_pieces import (
+    appended,
+    contents,
+    drop_before,
+    first_pieces,
+    roomy,
+    solved,
+    with_contents,
+)
 from .events import bracketed_root
 from .piecewise import FitTolerance, Piecewise, piecewise
 
@@ -94,7 +102,10 @@ class DelayedStepper(ResumableStepper, JumpingStepper):
         tol = _ON_STEPS if rtol is None else max(_OF_RTOL * rtol, _MIN_PAST_TOL)
         self._taus = [self._tau_of(delay, tol) for delay in delays]
         self._pasts = [self._past_of(delay, tol) for delay in delays]
-        self._pieces = opened(inner, delays, self._taus, self._pasts)
+        d, known = self.system.n_solved, self.system.functions.delays
+        above_one = np.zeros(d, np.int64) if rtol is None else inner.form.above_one[:d].copy()
+        self._pieces = first_pieces(known, above_one, delays, self._taus, self._pasts)
+        inner.take_delays(self._pieces)
         self._roots, self._sides = self._of_start()  # kinks of f; jumps that each delay reads
         self._kinks = self._later(self._roots)
         if self.on_given_steps:
@@ -102,8 +113,9 @@ class DelayedStepper(ResumableStepper, JumpingStepper):
 
     def _singular_below(self) -> float:
         """Return the exponent of f below which the march begins anew at a kink."""
-        below = _SINGULAR_EXPONENT - self._inner.lowest_exponent
-        return max(below, _OF_JUMPS if self._inner.jumps_with_f else 0.0)
+        form = self._inner.form
+        jumps = form.algebraic.any() or form.kernels  # with f, or the solution is no power of time
+        return max(_SINGULAR_EXPONENT - form.generators[0], _OF_JUMPS if jumps else 0.0)
 
     def _fit_tolerance(self, tol: float, low: float, high: float) -> FitTolerance:
         """Return the accuracy with which a function of the user is met between two times."""
@@ -356,7 +368,7 @@ class DelayedStepper(ResumableStepper, JumpingStepper):
         """Restore kinks and pieces; the inner stepper has already been restored."""
         self._jumps = list(remembered.jumps)
         self._kinks = self._later([*self._roots, *remembered.kinks])
-        self._take(joined(self._pieces, remembered.pieces))
+        self._take(with_contents(self._pieces, remembered.pieces))
         self._until = -1.0
 
     def come_back(self, checkpoint: tuple) -> None:
@@ -366,7 +378,7 @@ class DelayedStepper(ResumableStepper, JumpingStepper):
 
     def state(self) -> State:
         """Return a state from which another run continues."""
-        forget(self._pieces, self._earliest())
+        drop_before(self._pieces, self._earliest())
         inner = self._inner.state()
         state = replace(inner, checkpoint=(inner.checkpoint, self._remembered()))
         return replace(state, layout=layout_of(state))

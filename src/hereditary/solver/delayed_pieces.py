@@ -29,14 +29,15 @@ _FROM_POINTS = np.linalg.inv(legvander(_START_POINTS, 15))
 _Polynomials: TypeAlias = tuple[np.ndarray, np.ndarray, np.ndarray]
 
 
-def opened(
-    inner: Any,
+def first_pieces(
+    known: Delays,
+    above_one: np.ndarray,
     delays: tuple[Delayed, ...],
     taus: list[Piecewise | None],
     pasts: list[Piecewise | None],
 ) -> Delays:
-    """Return the pieces of a march at its start, which `inner` reads from now on."""
-    found = inner.system.functions.delays
+    """Return the record of a march at its start, from the one that the equation has."""
+    # above_one (d,): 1 for components of which y' is the unknown
     ranges, parts = [0], list[_Polynomials]()
     for delay, tau, past in zip(delays, taus, pasts, strict=True):
         constant = np.array([-1.0]), np.ones(1), delay.before(-np.ones(1))[:, :, None]
@@ -44,17 +45,16 @@ def opened(
             parts += [part] if part else []
             ranges += 2 * [ranges[-1] + (part[0].size if part else 0)]
     n = ranges.pop()
-    found = _empty(found)._replace(
+    found = _empty(known)._replace(
         taus=np.array([np.nan if callable(tau) else tau for tau in _given(delays)]),
         windows=np.tile([-np.inf, np.inf], (len(delays), 1)),
         ranges=np.array(ranges),
-        by_means=inner.by_means(found.by_means.size),
+        by_means=above_one,
         read_at=np.array([np.nan]),
     )
     for part in parts:
         found = _added(found, *part)
     found.counts[FIRST] = n
-    inner.take_delays(found)
     return found
 
 
@@ -101,7 +101,7 @@ def appended(delays: Delays, piece: StepPieces, n: int, earliest: float) -> Dela
     way = np.diff(rows, axis=0)
     bend = (h[:, None] * piece.slopes[1:] - way) / 6.0
     values = np.stack([rows[:-1] + 0.5 * way - bend, 0.5 * way, bend], axis=2)
-    forget(delays, earliest)
+    drop_before(delays, earliest)
     known = min(max(2 - n, 0), h.size) if piece.starting is not None else 0
     for k in range(known):
         halvings = np.arange(_HALVINGS_TO_START if n + k == 0 else 0, -1, -1)
@@ -113,7 +113,7 @@ def appended(delays: Delays, piece: StepPieces, n: int, earliest: float) -> Dela
     return _added(delays, times[known:-1], h[known:], values[known:])
 
 
-def forget(delays: Delays, earliest: float) -> None:
+def drop_before(delays: Delays, earliest: float) -> None:
     """Drop pieces of the solution that end before a time."""
     pieces, used, first = delays.counts.tolist()
     ends = delays.starts[first:pieces] + delays.lengths[first:pieces]
@@ -134,7 +134,7 @@ def roomy(delays: Delays, earliest: float) -> Delays:
     """Return the record with room for the steps of one call of a march."""
     more = _ROOM[0], _ROOM[1] * delays.by_means.size
     if not _has_room(delays, *more):
-        forget(delays, earliest)
+        drop_before(delays, earliest)
     return _longer(delays, *more)
 
 
@@ -172,7 +172,7 @@ def contents(delays: Delays) -> tuple[np.ndarray, ...]:
     return tuple(part.copy() for part in (*parts, *solved(delays)))
 
 
-def joined(delays: Delays, contents: tuple[np.ndarray, ...]) -> Delays:
+def with_contents(delays: Delays, contents: tuple[np.ndarray, ...]) -> Delays:
     """Return the record with pieces of the solution from `contents` in place of its own."""
     *parts, displacements, numbers = contents
     delays.counts[USED] -= solved(delays)[1].size
