@@ -96,10 +96,11 @@ def _by_tolerance() -> list[Callable[[], Any]]:
     ]
     runs = [partial(hd.solve, equation, 1.0, rtol=1e-4) for equation in equations]
     force = [hd.Caputo(2.0), hd.Caputo(1.0)], lambda t, y, p: -y + np.cos(p[0] * t), [0.0, 0.0]
-    swing = hd.Equation(*force, params=[1.0])
+    swing, late = hd.Equation(*force, params=[1.0]), _composed()[0]
     return [
         *runs,
         partial(hd.solve, one, 1.0, rtol=1e-4, switches=[_beyond]),
+        partial(hd.solve, late, 1.0, rtol=1e-4, events=[_late]),
         partial(hd.lyapunov, one, 1.0, rtol=1e-4),
         partial(hd.frequency_response, swing, [1.0]),
     ]
@@ -107,6 +108,10 @@ def _by_tolerance() -> list[Callable[[], Any]]:
 
 def _beyond(t: float, y: np.ndarray) -> float:
     return y[0] - 2.0
+
+
+def _late(t: float, y: np.ndarray, memory: np.ndarray) -> float:
+    return memory[0, 0] - 2.0
 
 
 def _on_given_steps() -> list[Callable[[], Any]]:

@@ -32,6 +32,36 @@ def test_the_tolerance_holds(alpha, tightest, k):
         assert found.stats["n_steps"] < 400
 
 
+def phases(t, y, late, p):
+    """Phase oscillators with a delay for each of p[0] edges, from p[6 + k] to p[26 + k]."""
+    slope = p[1:6].copy()
+    for k in range(int(p[0])):
+        to, of = int(p[26 + k]), int(p[6 + k])
+        slope[to] += 0.6 * np.sin(late[k, of] - y[to])
+    return slope
+
+
+NETWORKS = [(0.5, 3, 150), (0.7, 3, 150), (0.9, 5, 150), (1.0, 10, 150), (1.6, 10, 150)]
+
+
+@pytest.mark.parametrize(("order", "n", "most"), NETWORKS)
+def test_networks_of_delays_keep_the_tolerance_in_few_steps(order, n, most):
+    random = np.random.default_rng(n)
+    for _ in range(3):
+        edges = random.integers(0, 5, 40)
+        params, taus = np.r_[n, random.normal(1.0, 0.3, 5), edges], random.uniform(0.5, 1.5, n)
+        start = random.uniform(0, 6, (1 + (order > 1), 5))
+        network = hd.Equation(
+            hd.Caputo([order] * 5), phases, start if order > 1 else start[0], params,
+            memory=[hd.Delay(tau) for tau in taus],
+        )  # fmt: skip
+        times = np.linspace(0.2, 8.0, 40)
+        exact = hd.solve(network, 8.0, rtol=1e-9)(times)
+        found = hd.solve(network, 8.0, rtol=1e-6)
+        assert found.stats["n_steps"] < most
+        assert (np.abs(found(times) - exact) < 1e-6 * np.abs(exact).max(axis=0)).all()
+
+
 TAU = 0.5
 
 

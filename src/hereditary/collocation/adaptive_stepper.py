@@ -13,11 +13,12 @@ from typing import Any
 
 import numpy as np
 
+from ..compiled.delayed_values import Delays, next_end, within_delays
 from ..compiled.jacobian import LEAST, VALUES
 from ..compiled.jit import checked
 from ..compiled.reach import NOISE, SMALL, YOUNG
 from ..compiled.records import plain, zeros
-from ..equation.system import System, refuse_late
+from ..equation.system import System, refuse_late, with_pieces
 from ..functions.differences import wrong_jacobian
 from ..kernels.memory_kernel import warn_of_fit
 from ..stepping.dense import Piece
@@ -192,6 +193,7 @@ class AdaptiveStepper(ResumableStepper, TangentStepper, JumpingStepper):
         self._control["next"] = min(self._control["next"], longest)
 
     # progress of the march
+    form = property(attrgetter("_form"))
     position = property(attrgetter("t"))
 
     def _read_progress(self) -> None:
@@ -235,7 +237,8 @@ class AdaptiveStepper(ResumableStepper, TangentStepper, JumpingStepper):
             n += self.n_steps - first
             if status == TOO_CLOSE:
                 # the march returned before the step that lacks closer modes
-                closest = self._closest(min(self._control["next"], t_stop - self.t))
+                h = min(float(self._control["next"]), t_stop - self.t)
+                closest = self._closest(self._within_delays(h))
                 if closest < self._farthest / _LARGEST_RATIO:
                     status = TOO_ROUGH
                 else:
@@ -317,6 +320,11 @@ class AdaptiveStepper(ResumableStepper, TangentStepper, JumpingStepper):
         self._control["time"], self._control["origin"] = since, t
         self.t = float(t + since)
         self._orders.clear()
+
+    def _within_delays(self, h: float) -> float:
+        """Return h, or less if delayed values are known or smooth in a shorter step only."""
+        pieces, t = self._marched.functions.delays, self.t
+        return float(within_delays(pieces, t, min(h, next_end(pieces, t) - t)))
 
     def _closest(self, h: float) -> float:
         """Return the shortest time lag of the modes for steps of length h and shorter ones."""
@@ -401,7 +409,7 @@ class AdaptiveStepper(ResumableStepper, TangentStepper, JumpingStepper):
         for trial in trials(self._marched, form, orbit, t, left, longest, least, *of_first):
             h, variable, sizes = trial.length, trial.variable, self._state.sizes.copy()
             # the last two steps are equal, so that no tiny step remains before the stop
-            h = min(h, 0.5 * left) if h < left else h
+            h = self._within_delays(min(h, 0.5 * left) if h < left else h)
             steps, values = self._try_step(h, variable, of_run, trial.at_edge)
             if values is not None and h > at_rest and _rests(values[0]):
                 continue
@@ -527,6 +535,11 @@ class AdaptiveStepper(ResumableStepper, TangentStepper, JumpingStepper):
         errors = self._orbit.prefit_kernels(*reach, self.tolerance.modes)
         warn_of_fit(errors.noise, self.tolerance.rtol)
         self._least = self._view.least(t_end, max(errors), self._of_step.by_size)
+
+    def take_delays(self, delays: Delays) -> None:
+        """Let f read delayed values from these pieces."""
+        self.system = with_pieces(self.system, delays)
+        self._marched = with_pieces(self._marched, delays)
 
     def note_reads(self, change: np.ndarray) -> None:
         """Note the change (d,) of f by delayed values: its rounding is at least that of this."""

@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from ..compiled.delayed_values import add_step, next_end, within_delays
 from ..compiled.functions import set_force
 from ..compiled.jacobian import LEAST
 from ..compiled.jit import MAT, as_value, compiled_type, entry, inner, plug_in
@@ -248,11 +249,15 @@ def take_steps(march):
     control, counts, stages = m.state.control, m.state.counts, m.stages
     local, values, s = m.tables.local, m.workspace.values, rule.nodes.shape[0]
     lowest, row, assembled_for = lowest_order(equations), 0, -1.0
-    was_rejected, end, searches = control.rejected == 1.0, limits.stop - control.origin, 0
-    while control.time < end:
+    delays = m.right.force.functions.delays
+    was_rejected, searches = control.rejected == 1.0, 0
+    while control.time < limits.stop - control.origin:
         if row == m.steps.starts.shape[0]:
             return row, FULL
+        end = min(limits.stop, next_end(delays, control.origin + control.time)) - control.origin
         t, left, h = next_step(control, end)
+        known = within_delays(delays, control.origin + t, h)
+        h = h if known == h else floor_to_grid(known)
         if not t + 0.01 * h > t:
             return row, TOO_ROUGH
         if h < control.shortest:
@@ -299,6 +304,8 @@ def take_steps(march):
         note_growth(m, h)
         note_rounding(m)
         record_step(m, t, h, ratio, row)
+        if delays.taus.shape[0] > 0:
+            add_step(delays, rule, m.steps, row)
         absorb_constant_mode(m.basis.rates, orbit)
         put_cube(orbit.modes, orbit.before)
         for column in range(values.shape[0]):

@@ -23,27 +23,28 @@ from numba.extending import intrinsic
 from numpy.typing import ArrayLike
 
 from .callbacks import PythonRaised, call_at
+from .delayed_values import Delays, look_up_all
 from .jit import (
     F8,
     RHS_SIG,
     VEC,
-    Cubes,
     Integers,
-    Matrix,
     Vector,
     as_value,
     compiled_type,
     inner,
     plug_in,
 )
+from .records import zeros
 from .reference import FunctionField, Reference
 
 # What g reads: y, or memory too, or nothing, because it is 0.
 OF_Y, OF_MEMORY, ZERO = range(3)
 # What its Jacobian is: left out, or given, or 0.
 BY_DIFFERENCES, GIVEN, CONSTANT = range(3)
-# Coefficients of a polynomial of a delay. Steps of collocation have at most as many.
-N_COEFFICIENTS = 10
+
+# Coefficients of a polynomial, at least as many as a first step has nodes and one more.
+_MOST_COEFFICIENTS = 64
 
 # Values of a switch this small, relative to y, may be on either side by rounding.
 _SIDE_ROUNDING = 1e-9
@@ -69,35 +70,6 @@ class Maps(NamedTuple):
     numbers: Annotated[Vector, "."]  # all matrices
     sizes: Annotated[Integers, "L+1"]  # numbers of components around each map, and inside the last
     starts: Annotated[Integers, "3*L"]  # index at which S, B and A of each map begin
-
-
-class Delays(NamedTuple):
-    """Delayed values y(t - tau) of n delays, as polynomials in t between m times."""
-
-    rows: Annotated[Integers, "k"]  # number of the delay of each row of memory, -1 for x itself
-    n_pieces: Annotated[Integers, "n"]  # number of polynomials of each delay
-    times: Annotated[Matrix, "n m"]  # times between the polynomials of each delay
-    values: Annotated[Cubes, ". . . ."]  # (n, m - 1, d, N_COEFFICIENTS), of Chebyshev polynomials
-
-    def content(self, number: int) -> tuple[np.ndarray, np.ndarray]:
-        """Return copies of the times and polynomials of a delay, as arguments of `fill`."""
-        n = int(self.n_pieces[number])
-        return self.times[number, : n + 1].copy(), self.values[number, :n].copy()
-
-    def fill(self, number: int, times: np.ndarray, coefficients: np.ndarray) -> None:
-        """Set times (n + 1,), and polynomials (n, d, N_COEFFICIENTS) between, of a delay."""
-        n = self.n_pieces[number] = len(coefficients)
-        self.times[number, : n + 1] = times
-        self.values[number, :n] = coefficients
-
-    def enlarged(self, capacity: int) -> "Delays":
-        """Return a copy with room for so many polynomials of each delay."""
-        m, _, d, _ = self.values.shape
-        times, values = np.zeros((m, capacity + 1)), np.zeros((m, capacity, d, N_COEFFICIENTS))
-        found = self._replace(n_pieces=self.n_pieces.copy(), times=times, values=values)
-        for number in range(m):
-            found.fill(number, *self.content(number))
-        return found
 
 
 class Switches(NamedTuple):
@@ -152,14 +124,11 @@ class Functions(NamedTuple):
         """Return the record whose Jacobian comes from differences."""
         return self._replace(jac_form=BY_DIFFERENCES)
 
-    def for_a_march(self, capacity: int) -> "Functions":
-        """Return the record with arrays of its own for what changes during a march.
-
-        `capacity` is the number of polynomials that each delay has room for.
-        """
+    def for_a_march(self) -> "Functions":
+        """Return the record with arrays of its own for what changes during a march."""
         signs, delays = self.switches.signs.copy(), self.delays
         if delays.rows.size:
-            delays = delays.enlarged(capacity)
+            delays = Delays(*[array.copy() for array in delays])
         return self._replace(switches=self.switches._replace(signs=signs), delays=delays)
 
 
@@ -195,7 +164,7 @@ def no_functions() -> Functions:
         columns=none,
         places=none,
         maps=Maps(nothing, np.zeros(1, dtype=np.int64), none),
-        delays=Delays(none, none, np.zeros((0, 1)), np.zeros((0, 0, 0, 0))),
+        delays=zeros(Delays, k=0, n=0, m=0, d=0),
         switches=Switches(none, nothing, 0, 0),
         start=0.0,
         n=0,
@@ -269,11 +238,16 @@ def with_delays(functions: Functions, rows: Sequence[int], firsts: np.ndarray) -
     `rows` (k,) has the number of a delay for each row of memory, or -1. `firsts` (., d) are the
     values of each delay.
     """
-    values = np.zeros((len(firsts), 1, functions.n, N_COEFFICIENTS))
-    values[:, 0, :, 0] = firsts
-    times, ones = np.tile([0.0, 1.0], (len(firsts), 1)), np.ones(len(firsts), dtype=np.int64)
-    delays = Delays(np.array(rows, dtype=np.int64), ones, times, values)
-    return functions._replace(delays=delays)
+    n, d = firsts.shape
+    delays = zeros(Delays, k=len(rows), n=n, m=n, d=d)
+    delays.rows[:], delays.widths[:], delays.factors[:] = rows, 1, 1.0
+    delays.ranges[2::4], delays.ranges[3::4] = np.arange(n), np.arange(1, n + 1)
+    delays.windows[:] = -1.0
+    delays.counts[:] = n, firsts.size, n
+    numbers, work = firsts.ravel().copy(), np.zeros(_MOST_COEFFICIENTS)
+    return functions._replace(
+        delays=delays._replace(numbers=numbers, places=d * np.arange(n), polynomials=work)
+    )
 
 
 def with_switches(
@@ -588,6 +562,7 @@ def _all_rows(functions, t, x):
     rows = delays.rows
     if rows.shape[0] == 0:
         return x
+    look_up_all(delays, t)
     z, column = np.empty((1 + rows.shape[0]) * n), n
     for c in range(n):
         z[c] = x[c]
@@ -598,28 +573,9 @@ def _all_rows(functions, t, x):
                 z[first + c] = x[column + c]
             column += n
         else:
-            _look_up(delays, rows[row], t, z[first : first + n])
+            for c in range(n):
+                z[first + c] = delays.latest[rows[row], c]
     return z
-
-
-@inner
-def _look_up(delays, number, t, out):
-    """Set out (n,) to the value of a delay at time t."""
-    times, values = delays.times[number], delays.values[number]
-    low, high = 0, delays.n_pieces[number]
-    while high - low > 1:
-        middle = (low + high) // 2
-        if times[middle] <= t:
-            low = middle
-        else:
-            high = middle
-    u = 2.0 * (t - times[low]) / (times[low + 1] - times[low]) - 1.0
-    u = min(max(u, -1.0), 1.0)
-    for c in range(out.shape[0]):
-        before, last = 0.0, 0.0
-        for j in range(N_COEFFICIENTS - 1, 0, -1):
-            before, last = last, 2.0 * u * last - before + values[low, c, j]
-        out[c] = u * last - before + values[low, c, 0]
 
 
 @inner(allocates=True)

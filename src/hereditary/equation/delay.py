@@ -1,7 +1,7 @@
-"""Delays: the solution at an earlier time, which a right-hand side reads from tables.
+"""Delays: the solution at an earlier time, which a right-hand side reads.
 
-A table holds ``y(t - tau(t))`` on an interval of time, as polynomials in t. Compiled code reads it
-from the record of the right-hand side. The march fills it in advance (solver/delayed.py).
+Compiled code reads it from the steps of the march (compiled/delayed_values.py). The march with
+delays is solver/delayed.py.
 """
 
 from __future__ import annotations
@@ -10,17 +10,10 @@ from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.polynomial.chebyshev import chebvander
 
-from ..compiled.functions import N_COEFFICIENTS, Functions, with_delays
+from ..compiled.functions import Functions, with_delays
 from ..support.checks import complaint, positional, positive, refuse, shown
 
-# Coefficients of a whole table, from which the number of its polynomials follows.
-_COEFFICIENTS_PER_TABLE = 20_000
-# Fewest polynomials of a table, also of many components.
-_MIN_POLYNOMIALS = 128
-# Most polynomials of a table, also of one component.
-_MAX_POLYNOMIALS = 2048
 # What to do about a delay that touches 0.
 TOUCHES = "for a delay that touches 0, take max(tau(t), least) with a least one above 0"
 
@@ -85,7 +78,6 @@ class Delayed(NamedTuple):
 
     past: InitialFunction
     number: int  # among the delays of the right-hand side
-    displacement: np.ndarray  # of the solution before the start, (d,), for neighbouring orbits
 
     def ago(self, t: np.ndarray) -> np.ndarray:
         """Return the times t - tau(t), the shape of t."""
@@ -101,17 +93,6 @@ class Delayed(NamedTuple):
         if not callable(past.delay.past):
             return np.broadcast_to(past.first.view(float), (t.size, past.first.view(float).size))
         return past.values(past.origin + t).astype(past.first.dtype).view(float)
-
-    def displaced(self, displacement: np.ndarray) -> Delayed:
-        """Return the delay with its past displaced by `displacement` (d,)."""
-        return self._replace(displacement=self.displacement + displacement)
-
-
-def room_of(d: int) -> int:
-    """Return the number of polynomials that tables of d components have room for."""
-    return int(
-        np.clip(_COEFFICIENTS_PER_TABLE // (N_COEFFICIENTS * d), _MIN_POLYNOMIALS, _MAX_POLYNOMIALS)
-    )
 
 
 def _taus(delay: Delay, t: np.ndarray, origin: float) -> np.ndarray:
@@ -182,7 +163,7 @@ def _past(delay: Delay, y0: np.ndarray, origin: float) -> InitialFunction:
 def reading(
     functions: Functions, pasts: Sequence[InitialFunction | None]
 ) -> tuple[Functions, tuple[Delayed, ...]]:
-    """Return functions that read delays from tables, and the delays; `functions` without delays."""
+    """Return functions that read delays, and the delays; `functions` read none."""
     # functions have k rows of memory; pasts: one for each row, None if it remains an unknown
     if not any(pasts):
         return functions, ()
@@ -190,15 +171,6 @@ def reading(
     for past in pasts:
         rows.append(len(found) if past else -1)
         if past:
-            found.append(Delayed(past, len(found), np.zeros(functions.n)))
+            found.append(Delayed(past, len(found)))
     firsts = np.array([delay.past.first.view(float) for delay in found])
     return with_delays(functions, rows, firsts), tuple(found)
-
-
-def _nodes() -> tuple[np.ndarray, np.ndarray]:
-    """Return Chebyshev's points in (-1, 1), and the matrix from values there to coefficients."""
-    points = np.cos(np.pi * (np.arange(N_COEFFICIENTS) + 0.5) / N_COEFFICIENTS)[::-1]
-    return points, np.linalg.inv(chebvander(points, N_COEFFICIENTS - 1))
-
-
-NODES, TO_COEFFICIENTS = _nodes()

@@ -11,6 +11,7 @@ from typing import Any, TypeVar
 import numpy as np
 from numpy.typing import ArrayLike
 
+from ..compiled.delayed_values import Delays
 from ..compiled.functions import Functions, no_functions
 from ..compiled.jacobian import VALUES, derivatives_by_parameters, force_at, jacobian_at, right_side
 from ..compiled.signatures import RightSide
@@ -348,25 +349,29 @@ def _repeated(system: System, times: int, y0: np.ndarray, force: Any) -> System:
 def displaced(system: System, y0: np.ndarray, params: np.ndarray | None = None) -> System:
     """Return the system with other initial values (m, n_solved) and first parameters (p,)."""
     # delays read a past that is displaced as y(0) is
-    functions, delays = system.functions, system.delays
+    functions = system.functions
     if params is not None:
         params = np.concatenate((params, functions.params[params.size :]))
         functions = functions._replace(params=params)
-    if delays:
+    if system.delays:
         displacement = (y0 - system.y0[:, : y0.shape[1]])[0, : system.n_solved]
-        delays = tuple(each.displaced(displacement) for each in delays)
-        values = functions.delays.values.copy()
-        values[:, 0, :, 0] += displacement
-        functions = functions._replace(delays=functions.delays._replace(values=values))
+        pieces = functions.delays
+        pieces = pieces._replace(displacements=pieces.displacements + displacement)
+        functions = functions._replace(delays=pieces)
     y0 = y0.take(system.sources, axis=1)
     y0.flags.writeable = False
-    return _sharing(system, y0=y0, functions=functions, delays=delays)
+    return _sharing(system, y0=y0, functions=functions)
 
 
 def with_params(system: System, params: np.ndarray) -> System:
     """Return the system with these parameters (p,), as many as it has."""
     functions = system.functions._replace(params=params)
     return _sharing(system, functions=functions, at_start=system.at_start)
+
+
+def with_pieces(system: System, pieces: Delays) -> System:
+    """Return the system whose right-hand side reads delayed values from these pieces."""
+    return _sharing(system, functions=system.functions._replace(delays=pieces))
 
 
 def _sharing(system: System, **changed: Any) -> System:

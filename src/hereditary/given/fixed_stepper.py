@@ -10,12 +10,13 @@ from typing import Any
 
 import numpy as np
 
+from ..compiled.delayed_values import Delays
 from ..compiled.jacobian import FEW
 from ..compiled.jit import checked, loop_value
 from ..compiled.records import plain, record, records, zeros
 from ..compiled.reference import by_reference
 from ..compiled.signatures import FACTORISE, LINEAR
-from ..equation.system import System, refuse_late, variational
+from ..equation.system import System, refuse_late, variational, with_pieces
 from ..equation.terms import SystemTerm
 from ..kernels.memory_kernel import misfit_on_given_steps
 from ..stepping.dense import StepPieces
@@ -193,6 +194,12 @@ class FixedStepper(ResumableStepper, TangentStepper, JumpingStepper):
         self._march.monitor["turns"][: orders.size] = np.where(orders == 2, -1.0, 0.0)
         units = self._marched.units(_STEPS_OF_UNITS * self.steps.unit(1))
         self._workspace = zeros(StepWorkspace, W=width, d=units.size)._replace(units=units)
+        self._right = self._marched.compiled
+
+    def take_delays(self, pieces: Delays) -> None:
+        """Let f read delayed values from these pieces."""
+        self.system = with_pieces(self.system, pieces)
+        self._marched = with_pieces(self._marched, pieces)
         self._right = self._marched.compiled
 
     def set_breaks(self, times: np.ndarray, t_end: float) -> None:

@@ -1,7 +1,12 @@
-"""The march of an equation with delays, by the method of steps.
+"""The march of an equation with delays, whose delayed values come from the march's own steps.
 
-The stepper of an equation without delays marches as far as delayed values are known. Then these
-values are written into the tables that the right-hand side reads (equation/delay.py).
+The stepper of an equation without delays marches, and its right-hand side reads the solution of
+earlier steps in compiled code (compiled/delayed_values.py). This file knows the kinks that delays
+make of a start or a jump. Before a march begins it writes pasts, and delays that vary, as pieces.
+
+A kink of f with the exponent e makes a kink of the solution with e plus the lowest order. With
+exponents up to 1 there the march begins anew. Otherwise a step ends at the kink, if 0.01**e exceeds
+rtol or e is below 2; and a kink with a larger e is nothing.
 """
 
 from __future__ import annotations
@@ -12,33 +17,36 @@ from dataclasses import replace
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.polynomial.chebyshev import chebval, chebvander
 
-from ..compiled.functions import N_COEFFICIENTS, Delays
-from ..equation.delay import NODES, TOUCHES, Delayed
+from ..compiled.delayed_values import Delays, read_delays, within_delays
+from ..equation.delay import TOUCHES, Delayed
 from ..equation.system import System
-from ..stepping.dense import Piece, StepPieces
+from ..stepping.dense import Piece
 from ..stepping.state import State, layout_of
 from ..stepping.status import Ending, SolveWarning, failed
 from ..stepping.stepper import JumpingStepper, ResumableStepper
-from ..stepping.times import ONE_TIME, together
+from ..stepping.times import together
 from ..support.checks import refuse
 from ..support.warning import warn
+from .delayed_pieces import (
+    appended,
+    contents,
+    drop_before,
+    first_pieces,
+    roomy,
+    solved,
+    with_contents,
+)
 from .events import bracketed_root
-from .piecewise import LEAST_SIZE, FitTolerance, Piecewise, piecewise, to_polynomials
+from .piecewise import FitTolerance, Piecewise, piecewise
 
-# Points in [-1, 1], the interval of a polynomial, at which it is compared with the solution.
-_COMPARISON_POINTS = np.array([-0.95, -0.4, 0.15, 0.8])
-_AT_COMPARISON_POINTS = chebvander(_COMPARISON_POINTS, N_COEFFICIENTS - 1)
-# Largest difference there, as a fraction of the largest value of the component.
-_TABLE_ROUNDING = 1e-13
-# An interval is halved again if the last halving multiplied the difference by less than this. Next
-# to a start the solution is no polynomial, and halving does not help against rounding.
-_FALLS = 0.95
-# Exponents of t from which on a kink is no break: for each decimal digit of rtol, and at least.
-# With half of them D^0.6 y = -y(t - 1) from 201 data errs by 1e-3 of rtol instead of 1e-5.
-_SMOOTH_EXPONENT_PER_DIGIT = 0.75
-_MIN_SMOOTH_EXPONENT = 3.0
+# Exponents from which on a kink of f is nothing: for each decimal digit of rtol, and at least.
+_SMOOTH_EXPONENT_PER_DIGIT = 0.5
+_MIN_SMOOTH_EXPONENT = 2.0
+# Exponents of the solution below which the march begins anew at a kink.
+_SINGULAR_EXPONENT = 1.0
+# Exponents below this are those of jumps.
+_OF_JUMPS = 1e-9
 # Most kinks of a run: several delays have many sums.
 _MOST_KINKS = 10_000
 # Times whose relative difference is below this count as equal.
@@ -64,22 +72,12 @@ _FACTOR = 0.01
 _ASKED = (0.0, 0.37, -0.61)
 
 
-class Solved(NamedTuple):
-    """Dense output between two times."""
-
-    start: float
-    end: float
-    piece: Piece
-
-
 class Remembered(NamedTuple):
     """Data that a march with delays stores beside its inner stepper."""
 
-    solved: tuple[Solved, ...]  # dense output that a delay still reads
-    roots: tuple[tuple[float, float], ...]  # time and exponent of each kink that later ones follow
-    until: float  # time up to which the tables have delayed values
-    tables: tuple[tuple[np.ndarray, np.ndarray], ...]  # times and polynomials, by delay
-    displacements: tuple[np.ndarray, ...]  # of y before the start, (d,), by delay
+    jumps: tuple[float, ...]  # times at which y jumps
+    kinks: tuple[tuple[float, float], ...]  # time and exponent of each kink of f
+    pieces: tuple[np.ndarray, ...]  # of the solution, and displacements of pasts
 
 
 class DelayedStepper(ResumableStepper, JumpingStepper):
@@ -90,22 +88,34 @@ class DelayedStepper(ResumableStepper, JumpingStepper):
     ) -> None:
         # inner: the march without delays, at the start or at a state; rtol: None on given steps
         self._inner, self._delays, self._t_end = inner, delays, t_end
-        self.system, self.on_given_steps = inner.system, inner.on_given_steps
-        self._tables: Delays = inner.system.functions.delays
+        self.on_given_steps = inner.on_given_steps
         self._origin = self.system.frame.start
-        self._breaks = self._kinks = self._marks = np.zeros(0)
-        self._solved: list[Solved] = []
+        self._breaks = np.zeros(0)
+        self._marks = np.zeros(0)  # breaks, kinks and the end of the run
+        self._jumps: list[float] = []  # times at which y jumps
+        self._until = -1.0  # time up to which the windows of delays hold
         self._error: Exception | None = None
-        self._until = inner.t  # time up to which the tables hold
         self._gain = _gain(self.system, delays)
-        self._smooth = max(
-            _MIN_SMOOTH_EXPONENT, -_SMOOTH_EXPONENT_PER_DIGIT * np.log10(rtol or 1.0)
-        )
+        digits = -np.log10(rtol or 1.0)
+        self._smooth = max(_MIN_SMOOTH_EXPONENT, _SMOOTH_EXPONENT_PER_DIGIT * digits)
+        self._singular = 0.0 if rtol is None else self._singular_below()
         tol = _ON_STEPS if rtol is None else max(_OF_RTOL * rtol, _MIN_PAST_TOL)
-        self._bends = [self._corners_of(delay, tol) for delay in delays]
+        self._taus = [self._tau_of(delay, tol) for delay in delays]
         self._pasts = [self._past_of(delay, tol) for delay in delays]
-        self._roots = self._first_roots()
-        self._reach()
+        d, known = self.system.n_solved, self.system.functions.delays
+        above_one = np.zeros(d, np.int64) if rtol is None else inner.form.above_one[:d].copy()
+        self._pieces = first_pieces(known, above_one, delays, self._taus, self._pasts)
+        inner.take_delays(self._pieces)
+        self._roots, self._sides = self._of_start()  # kinks of f; jumps that each delay reads
+        self._kinks = self._later(self._roots)
+        if self.on_given_steps:
+            self._last_step()
+
+    def _singular_below(self) -> float:
+        """Return the exponent of f below which the march begins anew at a kink."""
+        form = self._inner.form
+        jumps = form.algebraic.any() or form.kernels  # with f, or the solution is no power of time
+        return max(_SINGULAR_EXPONENT - form.generators[0], _OF_JUMPS if jumps else 0.0)
 
     def _fit_tolerance(self, tol: float, low: float, high: float) -> FitTolerance:
         """Return the accuracy with which a function of the user is met between two times."""
@@ -113,11 +123,11 @@ class DelayedStepper(ResumableStepper, JumpingStepper):
         largest = max(abs(self._origin + low), abs(self._origin + high), high - low)
         return FitTolerance(tol, min(float(orders.min()), 1.0), 64 * np.spacing(largest))
 
-    def _corners_of(self, delay: Delayed, tol: float) -> list[tuple[float, float]]:
-        """Return kinks of tau(t), and their exponents; refuse a tau that grows faster than t."""
+    def _tau_of(self, delay: Delayed, tol: float) -> Piecewise | None:
+        """Return a delay that varies as polynomials; refuse one that grows faster than t."""
         start, end, origin = self._inner.t, self._t_end, self._origin
         if not callable(delay.past.delay.tau):
-            return []
+            return None
         seen: list[tuple[np.ndarray, np.ndarray]] = []
 
         def tau(t: np.ndarray) -> np.ndarray:
@@ -140,7 +150,17 @@ class DelayedStepper(ResumableStepper, JumpingStepper):
                 for i in (k, k + 1)
             )
             refuse("tau", "grow slower than t", got)
-        return found.kinks
+        self._note_missed("delay", found)
+        return found
+
+    def _note_missed(self, name: str, found: Piecewise) -> None:
+        """Warn if a function of the user varies too fast for polynomials."""
+        if found.missed:
+            warn(
+                f"the {name} varies too fast: at t = {found.where + self._origin:g} it is "
+                f"missed by {found.missed:.1g} of its size; give a smoother one",
+                SolveWarning,
+            )
 
     def _past_of(self, delay: Delayed, tol: float) -> Piecewise | None:
         """Return the past that a delay still reads as polynomials, or None for a constant."""
@@ -154,235 +174,169 @@ class DelayedStepper(ResumableStepper, JumpingStepper):
         found = piecewise(
             delay.before, first, 0.0, _MIN_PAST_SAMPLES, self._fit_tolerance(tol, first, 0.0)
         )
-        if found.missed:
-            warn(
-                f"the past of a delay varies too fast: at t = {found.where + self._origin:g} it is "
-                f"missed by {found.missed:.1g} of its size; give a smoother past",
-                SolveWarning,
-            )
+        self._note_missed("past of a delay", found)
         return found
 
-    def _first_roots(self) -> list[tuple[float, float]]:
-        """Return kinks of f by the start, by pasts and by delays that vary, and their exponents."""
-        d, found = self.system.n_solved, self._bends_ahead()
-        for delay, past in (
-            () if self.on_given_steps else zip(self._delays, self._pasts, strict=True)
-        ):
+    def _of_start(self) -> tuple[list[tuple[float, float]], list[list[float]]]:
+        """Return kinks of f by the start, by pasts and by delays that vary; and jumps of pasts."""
+        d = self.system.n_solved
+        found, sides = [pair for tau in self._taus if tau for pair in tau.kinks], []
+        for delay, past in zip(self._delays, self._pasts, strict=True):
             at = np.zeros(1)
             end = past(at, at)[0] if past else delay.before(at - np.spacing(1.0))[0]
             met = np.allclose(end, self.system.at_start[:d], rtol=1e-12, atol=0.0)
             kinks = [*(past.kinks if past else []), (0.0, self._gain if met else 0.0)]
             found += [(_when(delay, t, 0.0, self._t_end), exponent) for t, exponent in kinks]
-        return found
+            sides.append([t for t, exponent in kinks if self._stops(exponent)])
+        return found, sides
 
-    def _bends_ahead(self) -> list[tuple[float, float]]:
-        """Return jumps and corners of delays that vary, and their exponents."""
-        return [pair for bends in self._bends for pair in bends]
-
-    def _at(self, number: int, times: np.ndarray, inside: np.ndarray) -> np.ndarray:
-        """Return y (n, d) at times (n,): the past, or dense output at the times `inside`."""
-        d, delay, past = self.system.n_solved, self._delays[number], self._pasts[number]
-        found, before = np.empty((times.size, d)), inside < 0
-        if before.any():
-            at = times[before]
-            found[before] = past(at, inside[before]) if past else delay.before(at)
-            found[before] += delay.displacement
-        starts = np.array([each.start for each in self._solved])
-        where = np.maximum(np.searchsorted(starts, inside, side="right") - 1, 0)
-        for k in np.unique(where[~before]):
-            chosen = ~before & (where == k)
-            if not self._solved:
-                found[chosen] = self.system.y0[0, :d]
-            else:
-                found[chosen] = self._solved[k].piece.evaluate(times[chosen], 0)
-        return found
+    def _stops(self, exponents: Any) -> Any:
+        """Return whether the march stops at kinks of f with these exponents."""
+        return exponents < max(self._singular, _OF_JUMPS)
 
     def delayed(self, t: float) -> np.ndarray:
-        """Return what the right-hand side reads at a time of the tables: k delays, (k, d)."""
-        found = []
-        for number, n in enumerate(self._tables.n_pieces.tolist()):
-            times = self._tables.times[number, : n + 1]
-            i = min(max(int(np.searchsorted(times, t)) - 1, 0), n - 1)
-            x = (2.0 * t - times[i] - times[i + 1]) / (times[i + 1] - times[i])
-            found.append(chebval(x, self._tables.values[number, i].T))
-        return np.array(found)
+        """Return what the right-hand side reads at a time of the march: k delays, (k, d)."""
+        out = np.empty((len(self._delays), self.system.n_solved))
+        read_delays(self._pieces, t, out)
+        return out
 
     def _prepare(self) -> None:
-        """Fill the tables from the present time to the last one whose delayed values are known."""
-        t = self._inner.t
-        until = self._mark(min(_when(delay, t, t, self._t_end) for delay in self._delays))
-        if not until > t:
-            refuse("tau", "exceed the rounding of t", f"{until - t:g} at t = {t + self._origin:g}")
-        tables, room = [], self._tables.values.shape[1]
-        for number in range(len(self._delays)):
-            times, values = self._table(number, t, until)
-            if len(values) > room:
-                times, values = times[: room + 1], values[:room]
-                until = min(until, float(times[-1]))
-            tables.append((times, values))
-        for number, table in enumerate(tables):
-            self._tables.fill(number, *table)
-        self._until = until
-        if not self.on_given_steps:
-            self._inner.note_reads(self._change_by_delays(0.5 * (t + until)))
+        """Make room for pieces, and set the windows of delays up to the next stop."""
+        t, pieces = self._inner.t, self._pieces
+        ahead = self._stops_at[(self._stops_at > t) & ~together(self._stops_at, t, self._origin)]
+        until = float(ahead[0]) if ahead.size else self._t_end
+        if until != self._until:
+            self._until = until
+            middle = np.array([0.5 * (t + until)])
+            for delay, known in zip(self._delays, self._known_sides, strict=True):
+                i = int(np.searchsorted(known, delay.ago(middle)[0], side="right"))
+                low, high = known[i - 1 : i], known[i : i + 1]
+                pieces.windows[delay.number, 0] = low[0] if i else -np.inf
+                pieces.windows[delay.number, 1] = (
+                    np.nextafter(high[0], -np.inf) if high.size else np.inf
+                )
+        self._take(roomy(pieces, self._earliest()))
+        self._pieces.read_at[:] = np.nan
+        last = within_delays(self._pieces, t, until - t)
+        self._inner.note_reads(self._change_by_delays(t + 0.5 * last))
+
+    def _take(self, pieces: Delays) -> None:
+        """Let f read these pieces."""
+        if pieces is not self._pieces:
+            self._pieces = pieces
+            self._inner.take_delays(pieces)
 
     def _change_by_delays(self, t: float) -> np.ndarray:
         """Return how much f changes by delayed values at time t, (d,), as units of its rounding."""
         # by factors that differ for each component, so that terms that cancel count
-        system, values = self.system, self._tables.values
-        before, f = values.copy(), system.rhs(t, self._inner.y)
-        factors = 1.0 + _FACTOR / np.sqrt(2.0 + np.arange(values.shape[2]))
-        values *= factors[:, None]
-        changed = system.rhs(t, self._inner.y)
-        values[:] = before
+        system, factors = self._inner.system, self._pieces.factors
+        y = np.append(self._inner.y, np.zeros(system.d - system.n_solved))  # other memory is 0
+        f = system.rhs(t, y)
+        factors += _FACTOR / np.sqrt(2.0 + np.arange(factors.size))
+        self._pieces.read_at[:] = np.nan
+        changed = system.rhs(t, y)
+        factors[:], self._pieces.read_at[:] = 1.0, np.nan
         return np.abs(changed - f) / _FACTOR
-
-    def _reach(self) -> Any:
-        """Return the last position that the tables cover; fill them if the march has got there."""
-        position = self._last_position()
-        here = self._inner.position
-        if position <= here or (not self.on_given_steps and together(position, here, self._origin)):
-            self._forget()
-            self._prepare()
-            position = self._last_position()
-        if position <= self._inner.position < self._inner.stop_at(self._t_end).position:
-            t, required = self._inner.t, "be at least a step h on given steps"
-            refuse("tau", required, f"{self._until - t:g} at t = {t:g}", "take more steps")
-        return position
-
-    def _last_position(self) -> Any:
-        """Return the last position whose time the tables cover."""
-        t = min(self._until, self._t_end)
-        if not self.on_given_steps:
-            return self._mark(t)
-        found = self._inner.stop_at(t)
-        return found.position - int(found.t > t * (1 + _ALIKE))
 
     def _mark(self, t: float) -> float:
         """Return the break, the kink or the end of the run that is one time with t, or t itself."""
         same = self._marks[together(self._marks, t, self._origin)]
         return float(same[0]) if same.size else t
 
-    def _edges(self, number: int, start: float, end: float, known: np.ndarray) -> np.ndarray:
-        """Return times between which y(t - tau) is smooth; `known` are ends of polynomials of y."""
-        delay, bends = self._delays[number], self._bends[number]
-        first, last = delay.ago(np.array([start, end])).tolist()
-        inside = known[(first < known) & (known < last)]
-        if not callable(delay.past.delay.tau):
-            times = inside + delay.past.delay.tau
-        else:
-            times = np.array([_when(delay, edge, start, end) for edge in inside.tolist()])
-        if self.on_given_steps:
-            return np.unique([start, *times, end])
-        times = np.append(times, [kink for kink, _ in bends])
-        apart = ONE_TIME * max(end, abs(self._origin))
-        times = times[(start + apart < times) & (times < end - apart)]
-        for mark in self._marks[(start < self._marks) & (self._marks < end)].tolist():
-            times[np.abs(times - mark) <= apart] = mark
-        return np.array([start, *np.unique(times), end])
-
-    def _table(self, number: int, start: float, end: float) -> tuple[np.ndarray, np.ndarray]:
-        """Return times (n + 1,), and Chebyshev coefficients of y(t - tau) between them."""
-        # coefficients (n, d, N_COEFFICIENTS)
-        delay, past = self._delays[number], self._pasts[number]
-        edges = {0.0, *(edge for each in self._solved for edge in each.piece.edges().tolist())}
-        known = np.array(sorted(edges.union(past.edges.tolist() if past else ())))
-        times = self._edges(number, start, end, known)
-        low, high, ends = times[:-1], times[1:], np.concatenate([[-np.inf], known, [np.inf]])
-        inside = delay.ago(0.5 * (low + high))  # a time in the polynomial that is read
-        found: list[tuple[np.ndarray, np.ndarray]] = []
-        sizes, rest = np.ones(1), None if self.on_given_steps else self._inner.y
-        last = np.full(low.size, np.inf)  # the difference before an interval was halved
-        while True:
-            middle, half = 0.5 * (low + high)[:, None], 0.5 * (high - low)[:, None]
-            points = np.concatenate([NODES, _COMPARISON_POINTS])
-            read = np.repeat(inside, points.size)
-            ago, which = delay.ago((middle + half * points).ravel()), np.searchsorted(ends, read)
-            ago = np.minimum(np.maximum(ago, ends[which - 1]), ends[which])
-            values = self._at(number, ago, read)
-            values = values.reshape(low.size, points.size, -1)
-            polynomials = to_polynomials(values[:, : NODES.size], rest)
-            seen = np.moveaxis(values[:, NODES.size :], 1, 2)
-            missed = np.abs(polynomials @ _AT_COMPARISON_POINTS.T - seen).max(axis=2)
-            if np.isinf(last[0]):
-                sizes = np.maximum(np.abs(values).max(axis=(0, 1)), LEAST_SIZE)
-            missed = (missed / sizes).max(axis=1)
-            rough = (missed > _TABLE_ROUNDING) & (missed < _FALLS * last)
-            rough &= high - low > 64 * np.spacing(high)
-            found += zip(low[~rough], polynomials[~rough], strict=True)
-            if not rough.any():
-                break
-            low, high, middle = low[rough], high[rough], middle[rough, 0]
-            low, high = np.concatenate([low, middle]), np.concatenate([middle, high])
-            inside, last = np.tile(inside[rough], 2), np.tile(missed[rough], 2)
-        found.sort(key=lambda pair: pair[0])
-        return np.array([*(pair[0] for pair in found), end]), np.array([p for _, p in found])
-
     def set_breaks(self, times: np.ndarray, t_end: float) -> None:
         """Let steps see jumps at these times, and the kinks that follow them by delays."""
         self._breaks, self._t_end = times, t_end
-        self._roots += [(t, 0.0) for t in times.tolist()]
-        self._kinks = self._later([*self._roots, *self._bends_ahead()])
-        self._set_marks(np.append(times, t_end))
-
-    def _later(self, roots: Iterable[tuple[float, float]]) -> np.ndarray:
-        """Return times of given kinks, and of those that follow by delays; none on given steps."""
         if self.on_given_steps:
-            return np.zeros(0)
-        gain, smooth, t_end = self._gain, self._smooth, self._t_end
-        return np.array(_kinks(self._delays, roots, gain, smooth, t_end, self._origin))
-
-    def _set_marks(self, first: np.ndarray) -> None:
-        """Let steps end at breaks and kinks; equal times become one, of `first` if possible."""
-        if self.on_given_steps:
-            self._inner.set_breaks(self._breaks, self._t_end)
+            self._inner.set_breaks(times, t_end)
             return
-        times = np.concatenate([first, self._breaks, self._kinks])
-        rank = np.arange(times.size)  # of equal times the one of the lowest rank remains
-        order = np.lexsort((rank, times))
-        times, rank = times[order], rank[order]
-        group = np.cumsum(np.append(False, ~together(times[1:], times[:-1], self._origin)))
-        order = np.lexsort((rank, group))
-        _, leading = np.unique(group[order], return_index=True)
-        self._marks = times[order][leading]
-        self._inner.set_breaks(self._marks, self._t_end)
+        self._kinks = self._later([*self._kinks, *((t, 0.0) for t in times.tolist())])
+        self._set_marks(t_end)
+
+    def _later(self, kinks: Iterable[tuple[float, float]]) -> list[tuple[float, float]]:
+        """Return the kinks, and those that follow by delays; none on given steps."""
+        if self.on_given_steps:
+            return []
+        return _kinks(self._delays, kinks, self._gain, self._smooth, self._t_end, self._origin)
+
+    def _set_marks(self, first: float) -> None:
+        """Let steps end at breaks and kinks; equal times become one, which is `first` if it can."""
+        kinks = np.array(self._kinks).reshape(-1, 2)
+        times = np.concatenate([[first, self._t_end], self._breaks, kinks[:, 0]])
+        exponents = np.full(times.size, np.inf)
+        exponents[2:] = np.append(np.full(self._breaks.size, -1.0), kinks[:, 1])
+        order = np.argsort(times, kind="stable")
+        apart = ~together(times[order][1:], times[order][:-1], self._origin)
+        begins = np.flatnonzero(np.append(True, apart))
+        self._marks = times[np.minimum.reduceat(order, begins)]
+        lowest = np.minimum.reduceat(exponents[order], begins)
+        again, stops = lowest < self._singular, self._stops(lowest)
+        self._stops_at, self._until = self._marks[stops], -1.0
+        later = np.maximum(lowest, 0.0) + self._gain
+        seen = np.union1d(self._marks[self._stops(later)], self._jumps)
+        self._known_sides = [np.union1d(seen, own) for own in self._sides]
+        self._take(self._pieces._replace(ends=self._marks[~stops]))
+        self._inner.set_breaks(self._marks[again], self._t_end)
 
     def stop_at(self, t: float) -> Any:
         """Return the position of a march that stops at time t, or at the first step not before."""
         return self._inner.stop_at(t)
 
     def advance(self, stop: float, keep: bool = True) -> Piece | None:
-        """March towards position `stop`, at most to the last known delayed value."""
-        start = self._inner.t
-        if not self.on_given_steps and self._mark(stop) != stop:
-            self._set_marks(np.array([stop, self._t_end]))
+        """March towards position `stop`, at most to the next kink."""
+        if self.on_given_steps:
+            return self._advance_given(stop, keep)
+        if self._mark(stop) != stop:
+            self._set_marks(stop)
         try:
-            last = self._reach()
+            self._prepare()
         except Exception as error:  # of a past, or of a delay that varies
             self._error = error
             return None
-        n_found = 0 if self.on_given_steps else len(self._inner.found)
-        piece = self._inner.advance(min(stop, last))
-        if piece is not None:
-            self._solved.append(Solved(start, self._inner.t, piece))
-        found = [] if self.on_given_steps else self._inner.found[n_found:]
+        n_found = len(self._inner.found)
+        piece = self._inner.advance(min(stop, self._until))
+        found = self._inner.found[n_found:]
         if found:
             self._breaks = np.union1d(self._breaks, found)
-            self._roots += [(t, 0.0) for t in found]
-            self._kinks = np.union1d(self._kinks, self._later([(t, 0.0) for t in found]))
-            self._set_marks(np.append(self._breaks, self._t_end))
+            self._kinks = self._later([*self._kinks, *((t, 0.0) for t in found)])
+            self._set_marks(self._t_end)
         return piece if keep else None
+
+    def _advance_given(self, stop: float, keep: bool) -> Piece | None:
+        """March by given steps towards step `stop`, at most to the last known delayed value."""
+        inner, n = self._inner, self._inner.position
+        self._pieces.read_at[:] = np.nan
+        try:
+            last = self._last_step()
+        except Exception as error:
+            self._error = error
+            return None
+        earliest = self._earliest()  # events read delayed values at times of these steps
+        piece = inner.advance(min(stop, last))
+        if piece is not None:
+            self._take(appended(self._pieces, piece, n, earliest))
+        return piece if keep else None
+
+    def _last_step(self) -> int:
+        """Return the last given step whose delayed values are known."""
+        inner, t = self._inner, self._inner.t
+        until = min(min(_when(delay, t, t, self._t_end) for delay in self._delays), self._t_end)
+        found = inner.stop_at(until)
+        last = int(found.position) - int(found.t > until * (1 + _ALIKE))
+        if last <= inner.position < inner.stop_at(self._t_end).position:
+            required = "be at least a step h on given steps"
+            refuse("tau", required, f"{until - t:g} at t = {t:g}", "take more steps")
+        return last
+
+    def linear_arrays(self) -> list[np.ndarray]:
+        """Return every array that is linear in the solution, with pieces that delays read."""
+        return [*self._inner.linear_arrays(), *solved(self._pieces)]
 
     def _earliest(self) -> float:
         """Return the earliest time that a delay reads at the present time."""
         t = np.array([self._inner.t])
         return min(float(delay.ago(t)[0]) for delay in self._delays)
 
-    def _forget(self) -> None:
-        """Drop dense output that ends before the earliest time that a delay reads."""
-        first = self._earliest()
-        self._solved = [each for each in self._solved if each.end >= first]
-
+    system = property(lambda self: self._inner.system)
     position = property(lambda self: self._inner.position)
     t = property(lambda self: self._inner.t)
     y = property(lambda self: self._inner.y)
@@ -400,43 +354,22 @@ class DelayedStepper(ResumableStepper, JumpingStepper):
         """Return the counts of the inner stepper."""
         return self._inner.stats()
 
-    def linear_arrays(self) -> list[np.ndarray]:
-        """Return every array that is linear in the solution, with rows that delays read."""
-        # The caller may overwrite them, and the next step fills the tables anew. From then on
-        # delays read parabolas also inside the first two steps of a run.
-        self._until = self._inner.t
-        parts = [*self._inner.linear_arrays(), *(delay.displacement for delay in self._delays)]
-        if not self._solved:
-            return parts
-        pieces: list[Any] = [each.piece for each in self._solved]
-        times, rows, slopes = (
-            np.concatenate([getattr(pieces[0], name)[:1], *(getattr(p, name)[1:] for p in pieces)])
-            for name in ("times", "rows", "slopes")
-        )
-        start = max(int(np.searchsorted(times, self._earliest(), side="right")) - 1, 0)
-        piece = StepPieces(times[start:], rows[start:], slopes[start:])
-        self._solved = [Solved(float(times[start]), self._until, piece)]
-        return [*parts, piece.rows, piece.slopes]
-
     def checkpoint(self) -> tuple:
         """Return copies of everything that a step changes."""
         return self._inner.checkpoint(), self._remembered()
 
     def _remembered(self) -> Remembered:
-        """Return copies of the tables and of the dense output that delays read."""
-        tables = tuple(map(self._tables.content, range(len(self._delays))))
-        displacements = tuple(delay.displacement.copy() for delay in self._delays)
-        return Remembered(
-            tuple(self._solved), tuple(self._roots), self._until, tables, displacements
-        )
+        """Return copies of the kinks that may have later ones, and of pieces."""
+        earliest = self._earliest()
+        kinks = tuple(pair for pair in self._kinks if pair[0] >= earliest)
+        return Remembered(tuple(self._jumps), kinks, contents(self._pieces))
 
     def remember(self, remembered: Remembered) -> None:
-        """Restore tables and dense output; the inner stepper has already been restored."""
-        self._solved, self._roots = list(remembered.solved), list(remembered.roots)
-        self._until = remembered.until
-        for number, table in enumerate(remembered.tables):
-            self._tables.fill(number, *table)
-            self._delays[number].displacement[:] = remembered.displacements[number]
+        """Restore kinks and pieces; the inner stepper has already been restored."""
+        self._jumps = list(remembered.jumps)
+        self._kinks = self._later([*self._roots, *remembered.kinks])
+        self._take(with_contents(self._pieces, remembered.pieces))
+        self._until = -1.0
 
     def come_back(self, checkpoint: tuple) -> None:
         """Return to the time at which `checkpoint` was taken."""
@@ -445,7 +378,7 @@ class DelayedStepper(ResumableStepper, JumpingStepper):
 
     def state(self) -> State:
         """Return a state from which another run continues."""
-        self._forget()
+        drop_before(self._pieces, self._earliest())
         inner = self._inner.state()
         state = replace(inner, checkpoint=(inner.checkpoint, self._remembered()))
         return replace(state, layout=layout_of(state))
@@ -478,11 +411,11 @@ class DelayedStepper(ResumableStepper, JumpingStepper):
         if self.on_given_steps:
             return
         t = self._inner.t
-        roots = [(_when(delay, t, t, self._t_end), 0.0) for delay in self._delays]
-        self._roots += roots
-        ahead = self._kinks[self._kinks > t]
-        self._kinks = np.concatenate([ahead, self._later(roots)])
-        self._set_marks(np.append(self._breaks, self._t_end))
+        later = [(_when(delay, t, t, self._t_end), 0.0) for delay in self._delays]
+        self._jumps.append(t)
+        ahead = [pair for pair in self._kinks if pair[0] >= self._earliest()]
+        self._kinks = self._later([*ahead, *later])
+        self._set_marks(self._t_end)
 
 
 def _gain(system: System, delays: tuple[Delayed, ...]) -> float:
@@ -496,17 +429,16 @@ def _gain(system: System, delays: tuple[Delayed, ...]) -> float:
     )
     if not rows.size:
         return gain
-    asked = replace(system, functions=system.functions.for_a_march(1))
-    tables = asked.functions.delays
+    asked = replace(system, functions=system.functions.for_a_march())
+    pieces = asked.functions.delays
 
     def forces(share: float, moved: int, delay: Delayed) -> np.ndarray:
         y = asked.at_start + share * (1.0 + np.abs(asked.at_start))
         for each in delays:
-            constant = np.zeros((1, d, N_COEFFICIENTS))
-            constant[0, :, 0] = y[:d]
+            constant = pieces.numbers[d * each.number : d * (each.number + 1)]
+            constant[:] = y[:d]
             if each is delay:
-                constant[0, moved : moved + 1, 0] += 0.1 * (1.0 + np.abs(y[moved : moved + 1]))
-            tables.fill(each.number, np.array([0.0, 1.0]), constant)
+                constant[moved : moved + 1] += 0.1 * (1.0 + np.abs(y[moved : moved + 1]))
         return asked.rhs(0.5, y)[rows]
 
     try:
@@ -554,25 +486,28 @@ def _when(delay: Delayed, t: float, low: float, high: float) -> float:
 def _kinks(
     delays: tuple[Delayed, ...], roots: Iterable[tuple[float, float]], gain: float, smooth: float,
     t_end: float, origin: float,
-) -> list[float]:  # fmt: skip
-    """Return times of kinks of f before `t_end`: of the roots, and of those that read a kink."""
+) -> list[tuple[float, float]]:  # fmt: skip
+    """Return kinks of f before `t_end`: of the roots, and of those that read a kink."""
     # Roots are pairs of a time and of the exponent of the first power of t there, 0 for a jump. One
     # delay later the exponent is larger by `gain`. From the exponent `smooth` on they are no kinks.
     ahead = [(t, exponent) for t, exponent in roots if t < t_end]
     heapq.heapify(ahead)
     times: list[float] = []
+    found: list[tuple[float, float]] = []
     lowest = np.inf  # exponent at the last of the times
     while ahead and len(times) < _MOST_KINKS:
         t, exponent = heapq.heappop(ahead)
         if times and together(t, times[-1], origin):
             if exponent >= lowest:
                 continue
+            found[-1] = (times[-1], exponent)
         else:
             times.append(t)
+            found.append((t, exponent))
         lowest = exponent
         if exponent + gain < smooth:
             for delay in delays:
                 later = _when(delay, t, t, t_end)
                 if later < t_end:
                     heapq.heappush(ahead, (later, exponent + gain))
-    return times
+    return found

@@ -7,7 +7,6 @@ import numpy as np
 
 from ..collocation.method import Collocation
 from ..collocation.opening import checked_tolerance, open_adaptive
-from ..equation.delay import room_of
 from ..equation.system import System
 from ..given.history.exponentials import SumOfExponentials
 from ..given.history.history import History
@@ -52,7 +51,7 @@ def open_stepper(
     """Return a stepper at the start of a run, or at its `state`, and the position of its end."""
     # t_end: from the start; directions: initial ones of tangents
     if system.delays or system.switches:  # which have arrays that change during a march
-        functions = system.functions.for_a_march(room_of(system.n_solved))
+        functions = system.functions.for_a_march()
         system = replace(system, functions=functions)
     if system.delays:
         return _open_delayed(system, scheme, history, policy, t_end, state, allow_change)

@@ -12,16 +12,18 @@ from typing import NamedTuple
 import numpy as np
 from numpy.polynomial.chebyshev import chebder, chebval, chebvander
 
-from ..equation.delay import N_COEFFICIENTS, NODES, TO_COEFFICIENTS
-
+# Coefficients of a polynomial, and Chebyshev's points in (-1, 1) that determine them.
+_N_COEFFICIENTS = 10
+_NODES = np.cos(np.pi * (np.arange(_N_COEFFICIENTS) + 0.5) / _N_COEFFICIENTS)[::-1]
+_TO_COEFFICIENTS = np.linalg.inv(chebvander(_NODES, _N_COEFFICIENTS - 1))
 # Distances of further samples from both ends, over that of equidistant ones. They see short ramps
 # next to the ends: without them one of 1e-8 of the delay is missed.
 _BESIDE_ENDS = 4.0 ** np.arange(-17, -1)
 # Points in [-1, 1], the interval of a polynomial, at which it is compared with the function. Those
 # next to the ends see jumps and corners outside of the nodes: without them 5 % are missed.
 _CHECK_POINTS = np.array([-1 + 1e-6, -0.4, 0.15, 0.8, 1 - 1e-6])
-_FIT_POINTS = np.concatenate([NODES, _CHECK_POINTS])
-_AT_CHECK_POINTS = chebvander(_CHECK_POINTS, N_COEFFICIENTS - 1)
+_FIT_POINTS = np.concatenate([_NODES, _CHECK_POINTS])
+_AT_CHECK_POINTS = chebvander(_CHECK_POINTS, _N_COEFFICIENTS - 1)
 # Fraction at which intervals are cut. No jump at a decimal or binary fraction coincides with a cut.
 _CUT = 0.4936170361
 # Intervals shorter than this fraction of the distance of samples show a jump or a corner.
@@ -35,7 +37,7 @@ _HALVINGS_TO_JUMP = 60
 # Relative difference of values up to which they are a constant with rounding errors.
 _RESTS = 8 * np.finfo(float).eps
 # Least size of a component, so that one that is 0 everywhere can be divided by its size.
-LEAST_SIZE = 1e-300
+_LEAST_SIZE = 1e-300
 
 
 class FitTolerance(NamedTuple):
@@ -50,7 +52,7 @@ class Piecewise(NamedTuple):
     """A function of time as polynomials."""
 
     edges: np.ndarray  # times between them, (n + 1,)
-    coefficients: np.ndarray  # those of Chebyshev, (n, d, N_COEFFICIENTS)
+    coefficients: np.ndarray  # those of Chebyshev, (n, d, _N_COEFFICIENTS)
     kinks: list[tuple[float, float]]  # time and exponent, 0 or 1, of each jump or corner
     missed: float  # largest difference over the size; 0 within the tolerance
     where: float  # its time
@@ -61,7 +63,7 @@ class Piecewise(NamedTuple):
         i = np.clip(np.searchsorted(self.edges, inside, side="right") - 1, 0, last)
         low, high = self.edges[i], self.edges[i + 1]
         u = np.clip(2.0 * (times - low) / (high - low) - 1.0, -1.0, 1.0)
-        powers = chebvander(u, N_COEFFICIENTS - 1)
+        powers = chebvander(u, _N_COEFFICIENTS - 1)
         return np.einsum("kj,kdj->kd", powers, self.coefficients[i])
 
 
@@ -120,7 +122,7 @@ def _fitted(
     """Return polynomials between edges; intervals are cut where a polynomial is not accurate."""
     # samples: times, values there, and the length up to which intervals show a jump
     (times, known, short), tol, span = samples, tolerance.tol, edges[-1] - edges[0]
-    sizes = np.maximum(np.abs(known).max(axis=0), LEAST_SIZE)
+    sizes = np.maximum(np.abs(known).max(axis=0), _LEAST_SIZE)
     low, high, complete = edges[:-1], edges[1:], True
     found: list[tuple[np.ndarray, ...]] = []
     while low.size:
@@ -128,13 +130,15 @@ def _fitted(
         values = function((middle + half * _FIT_POINTS).ravel())
         values = values.reshape(low.size, _FIT_POINTS.size, -1)
         sizes = np.maximum(sizes, np.abs(values).max(axis=(0, 1)))
-        polynomials = to_polynomials(values[:, : NODES.size], known[0])
-        missed = np.abs(_AT_CHECK_POINTS @ np.moveaxis(polynomials, 1, 2) - values[:, NODES.size :])
+        polynomials = _to_polynomials(values[:, : _NODES.size], known[0])
+        missed = np.abs(
+            _AT_CHECK_POINTS @ np.moveaxis(polynomials, 1, 2) - values[:, _NODES.size :]
+        )
         missed = (missed.max(axis=1) / sizes).max(axis=1)
         i = np.maximum(np.searchsorted(low, times, side="right") - 1, 0)
         inside = (times > low[i]) & (times < high[i])
         i, here = i[inside], times[inside]
-        powers = chebvander((here - middle[i, 0]) / half[i, 0], N_COEFFICIENTS - 1)
+        powers = chebvander((here - middle[i, 0]) / half[i, 0], _N_COEFFICIENTS - 1)
         apart = np.abs(np.einsum("kj,kdj->kd", powers, polynomials[i]) - known[inside])
         np.maximum.at(missed, i, (apart / sizes).max(axis=1))
         length = high - low
@@ -152,13 +156,11 @@ def _fitted(
     return _Fit(low[order], high[order], polynomials[order], missed[order], complete)
 
 
-def to_polynomials(values: np.ndarray, rest: np.ndarray | None) -> np.ndarray:
-    """Return coefficients (n, d, N_COEFFICIENTS) by values (n, N_COEFFICIENTS, d) at the nodes."""
+def _to_polynomials(values: np.ndarray, rest: np.ndarray) -> np.ndarray:
+    """Return k coefficients (n, d, k) of polynomials by values (n, k, d) at the nodes."""
     # Values that differ by rounding only become a constant, `rest` (d,) up to rounding, so that
-    # nothing resolves the rounding errors of a solution at rest. They remain if `rest` is None.
-    coefficients = np.moveaxis(np.einsum("ij,njd->nid", TO_COEFFICIENTS, values), 1, 2)
-    if rest is None:
-        return coefficients
+    # nothing resolves the rounding errors of a constant.
+    coefficients = np.moveaxis(np.einsum("ij,njd->nid", _TO_COEFFICIENTS, values), 1, 2)
     first = values[:, 0]
     rounding = _RESTS * np.abs(first)
     rests = np.ptp(values, axis=1) <= rounding

@@ -28,13 +28,13 @@ from ..stepping.scheme import Scheme
 from ..stepping.state import State, check_version
 from ..stepping.tolerance import Tolerance
 from ..support.checks import complaint, refuse
-from .delayed import Remembered, Solved
+from .delayed import Remembered
 
 # Classes whose objects are parts of states, beside schemes and histories.
 _DATA = (
     State, UniformSteps, MeshSteps, Span, Tolerance, OrbitAndTangents, PowerLawBasis, VaryingBasis,
     KernelBasis, KernelErrors, ExponentialSum, Variable, FirstPiece, PolynomialPieces, StepPieces,
-    FirstSteps, Remembered, Solved,
+    FirstSteps, Remembered,
 )  # fmt: skip
 # Begin of the names of arrays that belong to a state.
 _STATE = "state"

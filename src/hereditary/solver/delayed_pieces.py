@@ -1,0 +1,189 @@
+"""Pieces of the solution that delays read: how they begin, get room and are stored."""
+
+from __future__ import annotations
+
+from functools import lru_cache
+from typing import Any, TypeAlias
+
+import numpy as np
+from numpy.polynomial.chebyshev import cheb2poly
+from numpy.polynomial.legendre import legvander, poly2leg
+
+from ..compiled.delayed_values import FIRST, PIECES, USED, Delays
+from ..equation.delay import Delayed
+from ..stepping.dense import StepPieces
+from .piecewise import Piecewise
+
+# Fields of `Delays` with an entry for each piece.
+_OF_PIECES = ("starts", "lengths", "variables", "places", "widths")
+# Room for further pieces, and for coefficients of each component: those of one call of a march.
+_ROOM = 260, 260 * 13
+# Halvings of the first given step towards its start, where the solution has powers of time. The
+# values there are polynomials of 16 coefficients, so that 50 halvings leave rounding.
+_HALVINGS_TO_START = 50
+# Points in [-1, 1] of these polynomials.
+_START_POINTS = np.cos(np.pi * (np.arange(16) + 0.5) / 16)
+_FROM_POINTS = np.linalg.inv(legvander(_START_POINTS, 15))
+
+# Starts (n,), lengths (n,) and Legendre coefficients (n, d, k) of polynomials in time.
+_Polynomials: TypeAlias = tuple[np.ndarray, np.ndarray, np.ndarray]
+
+
+def first_pieces(
+    known: Delays,
+    above_one: np.ndarray,
+    delays: tuple[Delayed, ...],
+    taus: list[Piecewise | None],
+    pasts: list[Piecewise | None],
+) -> Delays:
+    """Return the record of a march at its start, from the one that the equation has."""
+    # above_one (d,): 1 for components of which y' is the unknown
+    ranges, parts = [0], list[_Polynomials]()
+    for delay, tau, past in zip(delays, taus, pasts, strict=True):
+        constant = np.array([-1.0]), np.ones(1), delay.before(-np.ones(1))[:, :, None]
+        for part in (tau and _polynomials(tau), _polynomials(past) if past else constant):
+            parts += [part] if part else []
+            ranges += 2 * [ranges[-1] + (part[0].size if part else 0)]
+    n = ranges.pop()
+    found = _empty(known)._replace(
+        taus=np.array([np.nan if callable(tau) else tau for tau in _given(delays)]),
+        windows=np.tile([-np.inf, np.inf], (len(delays), 1)),
+        ranges=np.array(ranges),
+        by_means=above_one,
+        read_at=np.array([np.nan]),
+    )
+    for part in parts:
+        found = _added(found, *part)
+    found.counts[FIRST] = n
+    return found
+
+
+def _given(delays: tuple[Delayed, ...]) -> list[Any]:
+    """Return the numbers or functions of the user that are the delays."""
+    return [delay.past.delay.tau for delay in delays]
+
+
+def _empty(delays: Delays) -> Delays:
+    """Return a record without pieces."""
+    found = delays._replace(counts=np.zeros(3, dtype=np.int64), numbers=np.zeros(0))
+    return found._replace(**{name: getattr(delays, name)[:0] for name in _OF_PIECES})
+
+
+def _polynomials(found: Piecewise) -> _Polynomials:
+    """Return a function of the user as polynomials."""
+    coefficients = found.coefficients @ _of_chebyshev(found.coefficients.shape[2]).T
+    return found.edges[:-1], np.diff(found.edges), coefficients
+
+
+@lru_cache(maxsize=1)
+def _of_chebyshev(n: int) -> np.ndarray:
+    """Return the matrix from n Chebyshev coefficients to those of Legendre polynomials, (n, n)."""
+    return np.array([np.append(poly2leg(cheb2poly(row)), np.zeros(n))[:n] for row in np.eye(n)]).T
+
+
+def _added(delays: Delays, starts: np.ndarray, lengths: np.ndarray, values: np.ndarray) -> Delays:
+    """Return the record with further pieces, polynomials in time, (n, d, k)."""
+    n, d, width = values.shape
+    delays = _longer(delays, n, values.size)
+    pieces, used, _ = delays.counts.tolist()
+    to = slice(pieces, pieces + n)
+    delays.starts[to], delays.lengths[to], delays.widths[to] = starts, lengths, width
+    delays.variables[to], delays.places[to] = (1.0, 1.0, 0.0), used + d * width * np.arange(n)
+    delays.numbers[used : used + values.size] = values.ravel()
+    delays.counts[:2] = pieces + n, used + values.size
+    delays.read_at[:] = np.nan
+    return delays
+
+
+def appended(delays: Delays, piece: StepPieces, n: int, earliest: float) -> Delays:
+    """Return the record with pieces of given steps from number n on, as parabolas."""
+    times, rows, h = piece.times, piece.rows, np.diff(piece.times)
+    way = np.diff(rows, axis=0)
+    bend = (h[:, None] * piece.slopes[1:] - way) / 6.0
+    values = np.stack([rows[:-1] + 0.5 * way - bend, 0.5 * way, bend], axis=2)
+    drop_before(delays, earliest)
+    known = min(max(2 - n, 0), h.size) if piece.starting is not None else 0
+    for k in range(known):
+        halvings = np.arange(_HALVINGS_TO_START if n + k == 0 else 0, -1, -1)
+        edges = times[k] + h[k] * np.append(0.0, 0.5**halvings)
+        lengths = np.diff(edges)
+        points = edges[:-1, None] + 0.5 * lengths[:, None] * (1.0 + _START_POINTS)
+        inside = piece.starting.near(n + k + 1, points.ravel(), 0).reshape(*points.shape, -1)
+        delays = _added(delays, edges[:-1], lengths, np.einsum("jk,nkd->ndj", _FROM_POINTS, inside))
+    return _added(delays, times[known:-1], h[known:], values[known:])
+
+
+def drop_before(delays: Delays, earliest: float) -> None:
+    """Drop pieces of the solution that end before a time."""
+    pieces, used, first = delays.counts.tolist()
+    ends = delays.starts[first:pieces] + delays.lengths[first:pieces]
+    old = int(np.searchsorted(ends, earliest))
+    if old in (0, pieces - first):
+        return
+    place = int(delays.places[first])
+    gone = int(delays.places[first + old]) - place
+    for name in _OF_PIECES:
+        array = getattr(delays, name)
+        array[first : pieces - old] = array[first + old : pieces].copy()
+    delays.numbers[place : used - gone] = delays.numbers[place + gone : used].copy()
+    delays.places[first : pieces - old] -= gone
+    delays.counts[:2] = pieces - old, used - gone
+
+
+def roomy(delays: Delays, earliest: float) -> Delays:
+    """Return the record with room for the steps of one call of a march."""
+    more = _ROOM[0], _ROOM[1] * delays.by_means.size
+    if not _has_room(delays, *more):
+        drop_before(delays, earliest)
+    return _longer(delays, *more)
+
+
+def _has_room(delays: Delays, n_pieces: int, n_numbers: int) -> bool:
+    """Return whether there is room for further pieces and numbers."""
+    pieces, used, _ = delays.counts.tolist()
+    return pieces + n_pieces <= delays.starts.size and used + n_numbers <= delays.numbers.size
+
+
+def _longer(delays: Delays, n_pieces: int, n_numbers: int) -> Delays:
+    """Return the record with room for further pieces and numbers, twice as much as it has."""
+    if _has_room(delays, n_pieces, n_numbers):
+        return delays
+    pieces, used, _ = delays.counts.tolist()
+    longer = {}
+    for name in (*_OF_PIECES, "numbers"):
+        array, n = getattr(delays, name), pieces + n_pieces
+        n = 2 * (used + n_numbers if name == "numbers" else n)
+        longer[name] = np.zeros((n, *array.shape[1:]), array.dtype)
+        longer[name][: min(n, len(array))] = array[:n]
+    return delays._replace(**longer)
+
+
+def solved(delays: Delays) -> tuple[np.ndarray, np.ndarray]:
+    """Return the displacements of pasts, and the coefficients of the solution."""
+    pieces, used, first = delays.counts.tolist()
+    place = int(delays.places[first]) if first < pieces else used
+    return delays.displacements, delays.numbers[place:used]
+
+
+def contents(delays: Delays) -> tuple[np.ndarray, ...]:
+    """Return copies of the pieces of the solution, and of the displacements of pasts."""
+    pieces, _, first = delays.counts.tolist()
+    parts = [getattr(delays, name)[first:pieces] for name in _OF_PIECES]
+    return tuple(part.copy() for part in (*parts, *solved(delays)))
+
+
+def with_contents(delays: Delays, contents: tuple[np.ndarray, ...]) -> Delays:
+    """Return the record with pieces of the solution from `contents` in place of its own."""
+    *parts, displacements, numbers = contents
+    delays.counts[USED] -= solved(delays)[1].size
+    delays.counts[PIECES] = delays.counts[FIRST]
+    _, used, first = delays.counts.tolist()
+    n = len(parts[0])
+    delays = _longer(delays, n, numbers.size)
+    for name, part in zip(_OF_PIECES, parts, strict=True):
+        getattr(delays, name)[first : first + n] = part
+    delays.places[first : first + n] += used - delays.places[first : first + 1]
+    delays.numbers[used : used + numbers.size] = numbers
+    delays.displacements[:], delays.read_at[:] = displacements, np.nan
+    delays.counts[:2] = first + n, used + numbers.size
+    return delays
