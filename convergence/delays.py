@@ -10,7 +10,10 @@ Claims:
   0.3;
 * a tolerance of 1e-4 has a tenth of the error of the predictor-corrector with 4,000 steps, or less;
 * pasts with a jump, with corners and of 201 noisy data are met to the tolerance;
-* a row without a derivative carries jumps on over 20 delays.
+* a row without a derivative carries jumps on over 20 delays;
+* a network of phase oscillators with 10 and with 60 delays errs by less than the tolerance, and
+  takes fewer than 150 and 2,500 steps to t = 10;
+* ten thousand short delays cost less than a hundred times as much as ten.
 """
 
 import warnings
@@ -113,6 +116,8 @@ def others():
         Claim("error of the equation of order 1, rtol 1e-11", apart, at_most=1e-11, small=True),
         *pasts(),
         jumps_carried_on(),
+        *networks(),
+        *short_delays(),
     ]
 
 
@@ -145,6 +150,45 @@ def jumps_carried_on():
     known = 0.7 * 0.5**20 + sum(0.5**k * np.cos(19.5 - k) for k in range(20))
     error = abs(hd.solve(given, 19.5, rtol=1e-8).y[-1, 0] - known)
     return Claim("error of a difference equation, rtol 1e-8", error, at_most=1e-8, small=True)
+
+
+def network(n):
+    """Five phase oscillators with n delayed couplings, drawn with a fixed seed."""
+    random = np.random.default_rng(1)
+    target, source = random.integers(0, 5, n), random.integers(0, 5, n)
+    speed, taus = random.normal(1.0, 0.3, 5), random.uniform(0.5, 1.5, n)
+
+    def phases(t, y, late):
+        slope = speed.copy()
+        for k in range(n):
+            slope[target[k]] += 0.6 * np.sin(late[k, source[k]] - y[target[k]])
+        return slope
+
+    start, memory = random.uniform(0.0, 6.0, 5), [hd.Delay(tau) for tau in taus]
+    return hd.Equation(hd.Caputo([1.0] * 5), phases, start, memory=memory)
+
+
+def networks():
+    """Claims of networks with many delays."""
+    for n, most in ((10, 150), (60, 2500)):
+        given = network(n)
+        fine, sol = (hd.solve(given, T_END, rtol=rtol) for rtol in (1e-9, 1e-6))
+        times = np.linspace(0.0, T_END, 40)
+        error = np.abs(sol(times) - fine(times)).max() / np.abs(fine.y).max()
+        where = f"{n} delays, rtol 1e-6"
+        yield Claim("error over tolerance", error / 1e-6, at_most=1.0, where=where, small=True)
+        steps = sol.stats["n_steps"]
+        yield Claim("steps of a network", steps, at_most=most, where=where, small=True)
+
+
+def short_delays():
+    """Claim of the cost of a delay that is short beside the run."""
+    given = hd.Equation(hd.Caputo(1), lambda t, y, z: -z[0], 1.0, memory=hd.Delay(0.01))
+    hd.solve(given, 0.02)
+    (few, _), (many, _) = (
+        fastest(partial(hd.solve, given, 0.01 * n, rtol=1e-6), within=0.3) for n in (10, 10_000)
+    )
+    yield Claim("time of 10,000 delays over that of 10", many / few, at_most=100.0)
 
 
 def claims(rows):
