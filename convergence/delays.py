@@ -11,8 +11,8 @@ Claims:
 * a tolerance of 1e-4 has a tenth of the error of the predictor-corrector with 4,000 steps, or less;
 * pasts with a jump, with corners and of 201 noisy data are met to the tolerance;
 * a row without a derivative carries jumps on over 20 delays;
-* a network of phase oscillators with 10 and with 60 delays errs by less than the tolerance, and
-  takes fewer than 150 and 2,500 steps to t = 10;
+* networks of phase oscillators with 10 and 60 delays err by less than the tolerance;
+* they take fewer than 150 and 2,500 steps to t = 10;
 * ten thousand short delays cost less than a hundred times as much as ten.
 """
 
