@@ -13,7 +13,7 @@ Claims:
 * a row without a derivative carries jumps on over 20 delays;
 * networks of phase oscillators with 10 and 60 delays err by less than the tolerance;
 * they take fewer than 150 and 2,500 steps to t = 10;
-* ten thousand short delays cost less than a hundred times as much as ten.
+* ten thousand short delays cost less than 500 times as much as ten.
 """
 
 import warnings
@@ -117,6 +117,7 @@ def others():
         *pasts(),
         jumps_carried_on(),
         *networks(),
+        *epidemic(),
         *short_delays(),
     ]
 
@@ -181,6 +182,38 @@ def networks():
         yield Claim("steps of a network", steps, at_most=most, where=where, small=True)
 
 
+def seirs(t, y, late):
+    """Susceptible, exposed, infectious, recovered; immunity fades after 42, latency is 0.15."""
+    s, e, i, r = y
+    faded, caught = late[0], late[1]
+    infected = 0.308 * caught[0] * caught[2] / caught.sum() * np.exp(-0.006 * 0.15)
+    returned = 0.04 * faded[2] * np.exp(-0.006 * 42)
+    new = 0.308 * s * i / (s + e + i + r)
+    return np.array(
+        [
+            0.33 - 0.006 * s - new + returned,
+            new - infected - 0.006 * e,
+            infected - 0.106 * i,
+            0.04 * i - returned - 0.006 * r,
+        ]
+    )
+
+
+def epidemic():
+    """Claim of a model with a long and a short delay, and reported times."""
+    memory = [hd.Delay(42.0), hd.Delay(0.15)]
+    given = hd.Equation(hd.Caputo([1.0] * 4), seirs, [15.0, 0.0, 2.0, 3.0], memory=memory)
+    times = np.linspace(0.0, 350.0, 200)
+    fine = hd.solve(given, 350.0, rtol=1e-9)(times)
+    seconds, sol = fastest(partial(hd.solve, given, 350.0, rtol=1e-6), within=0.3)
+    error = np.abs(sol(times) - fine).max() / np.abs(fine).max()
+    yield Claim("error over tolerance", error / 1e-6, at_most=1.0, where="SEIRS", small=True)
+    yield Claim("seconds of the SEIRS model to t = 350", seconds)
+    for n in (10, 20, 60):
+        run = partial(hd.solve, network(n), T_END, rtol=1e-6)
+        yield Claim(f"seconds of a network of {n} delays", fastest(run, within=0.3)[0])
+
+
 def short_delays():
     """Claim of the cost of a delay that is short beside the run."""
     given = hd.Equation(hd.Caputo(1), lambda t, y, z: -z[0], 1.0, memory=hd.Delay(0.01))
@@ -188,7 +221,7 @@ def short_delays():
     (few, _), (many, _) = (
         fastest(partial(hd.solve, given, 0.01 * n, rtol=1e-6), within=0.3) for n in (10, 10_000)
     )
-    yield Claim("time of 10,000 delays over that of 10", many / few, at_most=100.0)
+    yield Claim("time of 10,000 delays over that of 10", many / few, at_most=500.0)
 
 
 def claims(rows):

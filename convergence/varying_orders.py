@@ -20,6 +20,7 @@ from functools import partial
 
 import numpy as np
 from _study import Claim, chosen, curves, in_turns, side_by_side, study
+from schemes.varying import MADE, alpha, beta
 
 import hereditary as hd
 from hereditary.analysis.convergence import observed_order
@@ -28,35 +29,7 @@ from hereditary.kernels.exponential_sum import bank_of_all_orders, weights_of_or
 SCHEMES = {"explicit": hd.ExplicitCaputo(), "L1": hd.L1()}
 
 
-def alpha(t):
-    return 0.5 + 0.3 * np.sin(t)
-
-
-def beta(t):
-    return 1.5 + 0.3 * np.cos(t)
-
-
-def below(t, y):
-    a = 0.5 + 0.3 * math.sin(t)
-    return 6 / math.gamma(4 - a) * t ** (3 - a) + 1 + t**3 - y
-
-
-def above(t, y):
-    b = 1.5 + 0.3 * math.cos(t)
-    return 6 / math.gamma(4 - b) * t ** (3 - b) + 1 + 2 * t + t**3 - y
-
-
-def both(t, y):
-    a, b = 0.5 + 0.3 * math.sin(t), 1.5 + 0.3 * math.cos(t)
-    lower = 6 / math.gamma(4 - a) * t ** (3 - a) + 2 / math.gamma(2 - a) * t ** (1 - a)
-    return 6 / math.gamma(4 - b) * t ** (3 - b) + 0.5 * lower + 1 + 2 * t + t**3 - y
-
-
-PROBLEMS = {
-    "alpha(t)": (hd.Equation(hd.Caputo(alpha), below, 1.0), 0),
-    "beta(t)": (hd.Equation(hd.Caputo(beta), above, [1.0, 2.0]), 2),
-    "both": (hd.Equation([hd.Caputo(beta), 0.5 * hd.Caputo(alpha)], both, [1.0, 2.0]), 2),
-}
+PROBLEMS = dict(zip(("alpha(t)", "beta(t)", "both"), MADE.values(), strict=True))
 
 
 def row(what, name, n, value, order="", digits=4):

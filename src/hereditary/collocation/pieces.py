@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.polynomial.legendre import legder, legint
 
+from ..compiled.delayed_values import JUMPED
 from ..stepping.dense import Piece, last_start
 from .first_rule import Variable, means_at_nodes
 from .quadrature import legendre_values, through_start, to_legendre
@@ -73,7 +74,7 @@ class FirstPiece(Piece):
     def _first_value(self, row: np.ndarray) -> np.ndarray:
         """Return p at the start of a row (d, n), or next to the start if p jumps there, (d,)."""
         limit = row @ _at_start(self.variable.n)
-        moved = np.abs(limit - self.p) > 0.5 * np.abs(row - self.p[:, None]).max(axis=1)
+        moved = np.abs(limit - self.p) > JUMPED * np.abs(row - self.p[:, None]).max(axis=1)
         return np.where(moved, limit, self.p)
 
     def at_ends(

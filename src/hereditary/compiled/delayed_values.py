@@ -17,7 +17,7 @@ from .reference import Reference
 # solution. Those before are delays that vary, and pasts.
 PIECES, USED, FIRST = range(3)
 # Share of the change of p over a step by which p has jumped at its start.
-_JUMPED = 0.5
+JUMPED = 0.5
 # Relative distance of times that rounding makes of one.
 _SAME_TIME = 1e-14
 # Largest number of steps towards the longest step that a delay which varies admits.
@@ -207,7 +207,7 @@ def add_step(delays, rule, steps, row):
             limit += sign * of_c[k]
             sign = -sign
             change = max(change, abs(p[c, k] - p_start[c]))
-        if abs(limit - p_start[c]) <= _JUMPED * change:  # through p at the start
+        if abs(limit - p_start[c]) <= JUMPED * change:  # through p at the start
             part = 0.5 * sign * (p_start[c] - limit)
             of_c[s] += part
             of_c[s - 1] -= part

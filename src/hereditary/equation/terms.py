@@ -137,7 +137,7 @@ class KernelOperator:
 
     @property
     def definition(self) -> Definition:
-        """Its name, and whether it acts on y - y(0)."""
+        """The name of the operator, and whether it acts on y - y(0)."""
         return Definition("Memory", subtracts_start=self.derivative > 0)
 
     def lower(self, k: int) -> KernelOperator:

@@ -55,9 +55,9 @@ _ALIKE = 1e-12
 _MIN_PAST_SAMPLES = 1000
 _FOR_EACH = 20
 _MAX_PAST_SAMPLES = 50_000
-# Times at which a past is called twice: one that is random has no table, and takes minutes.
+# Times at which a past is called twice: one that is random has no polynomials, and takes minutes.
 _AGAIN = 4
-# Difference of a past from its table, as a fraction of rtol.
+# Difference of a past from its polynomials, as a fraction of rtol.
 _OF_RTOL = 1e-4
 # The same on given steps, and the least with a tolerance: a fraction of the size of a component.
 _ON_STEPS = 1e-10

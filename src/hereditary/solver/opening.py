@@ -64,7 +64,7 @@ def _open_delayed(
     system: System, scheme: Scheme, history: History | None, policy: Policy, t_end: float,
     state: State | None, allow_change: bool,
 ) -> tuple[Any, Any]:  # fmt: skip
-    """Return a stepper that fills tables of delayed values, and the position of the run's end."""
+    """Return a stepper whose f reads its earlier steps, and the position of the run's end."""
     delays, system = system.delays, replace(system, delays=())
     own = state and replace(state, checkpoint=state.checkpoint[0])
     inner, last = open_stepper(system, scheme, history, policy, t_end, own, allow_change)
