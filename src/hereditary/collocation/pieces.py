@@ -173,8 +173,7 @@ class PolynomialPieces(Piece):
         self, ends: np.ndarray, chosen: Any, slopes: bool = True
     ) -> tuple[np.ndarray, np.ndarray]:
         """Return y and y' at the chosen ends of steps."""
-        rows, h = self.rows[chosen], self.lengths[chosen, None]
-        above_one = self.above_one
+        rows, h, above_one = self.rows[chosen], self.lengths[chosen, None], self.above_one
         p, s, some = rows[:, :, -1], self.rows.shape[2], above_one.any()
         if not slopes and not some:
             return p, np.full(p.shape, np.nan)
