@@ -12,6 +12,7 @@ from scipy.special import binom, gamma
 from solver.runs import completed, warned
 
 import hereditary as hd
+from hereditary.solver import delayed
 
 matplotlib.use("Agg")
 
@@ -41,6 +42,17 @@ def phases(t, y, late, p):
     return slope
 
 
+def network(order, n, random):
+    """Five phase oscillators with n delays, drawn."""
+    edges = random.integers(0, 5, 40)
+    params, taus = np.r_[n, random.normal(1.0, 0.3, 5), edges], random.uniform(0.5, 1.5, n)
+    start = random.uniform(0, 6, (1 + (order > 1), 5))
+    return hd.Equation(
+        hd.Caputo([order] * 5), phases, start if order > 1 else start[0], params,
+        memory=[hd.Delay(tau) for tau in taus],
+    )  # fmt: skip
+
+
 NETWORKS = [(0.5, 3, 150), (0.7, 3, 150), (0.9, 5, 150), (1.0, 10, 150), (1.6, 10, 150)]
 
 
@@ -48,18 +60,23 @@ NETWORKS = [(0.5, 3, 150), (0.7, 3, 150), (0.9, 5, 150), (1.0, 10, 150), (1.6, 1
 def test_networks_of_delays_keep_the_tolerance_in_few_steps(order, n, most):
     random = np.random.default_rng(n)
     for _ in range(3):
-        edges = random.integers(0, 5, 40)
-        params, taus = np.r_[n, random.normal(1.0, 0.3, 5), edges], random.uniform(0.5, 1.5, n)
-        start = random.uniform(0, 6, (1 + (order > 1), 5))
-        network = hd.Equation(
-            hd.Caputo([order] * 5), phases, start if order > 1 else start[0], params,
-            memory=[hd.Delay(tau) for tau in taus],
-        )  # fmt: skip
-        times = np.linspace(0.2, 8.0, 40)
-        exact = hd.solve(network, 8.0, rtol=1e-9)(times)
-        found = hd.solve(network, 8.0, rtol=1e-6)
+        given, times = network(order, n, random), np.linspace(0.2, 8.0, 40)
+        exact = hd.solve(given, 8.0, rtol=1e-9)(times)
+        found = hd.solve(given, 8.0, rtol=1e-6)
         assert found.stats["n_steps"] < most
         assert (np.abs(found(times) - exact) < 1e-6 * np.abs(exact).max(axis=0)).all()
+
+
+@pytest.mark.parametrize("order", [0.4, 0.9, 1.0])
+def test_more_delays_than_kinks_that_are_known_keep_the_tolerance(monkeypatch, order):
+    given, times = network(order, 8, np.random.default_rng(8)), np.linspace(0.2, 8.0, 40)
+    jumps = [hd.Delay(delay.tau, past=0.0) for delay in given.memory]
+    given = given.replace(memory=jumps)
+    exact = completed(given, 8.0, rtol=1e-8)(times)
+    for most in (1, 12, 60):
+        monkeypatch.setattr(delayed, "_MOST_KINKS", most)
+        found = completed(given, 8.0, rtol=1e-5)(times)
+        assert (np.abs(found - exact) < 1e-5 * np.abs(exact).max(axis=0)).all()
 
 
 TAU = 0.5
