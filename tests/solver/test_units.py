@@ -581,6 +581,23 @@ def test_rounding_that_is_multiplied_is_left():
     assert np.abs(sol.y[:, 3]).max() < 1e-5
 
 
+@pytest.mark.parametrize("rtol", [1e-4, 1e-8])
+def test_atol_keeps_a_component_that_falls_to_1e_14_and_grows_again(rtol):
+    speed = np.pi / 20
+
+    def depth(t):
+        return 16 * (1 - np.cos(speed * t))
+
+    def slope(t, y):
+        return -16 * speed * np.sin(speed * t) * y
+
+    equation = hd.Equation(hd.Caputo(1), slope, 1.0)
+    t = np.linspace(0.0, 40.0, 80)
+    found = hd.solve(equation, 40.0, rtol=rtol, atol=1e-14 * rtol)(t)[:, 0]
+    rounding = 1e-15
+    assert (np.abs(found - np.exp(-depth(t))) < 2 * rtol * np.exp(-depth(t)) + rounding).all()
+
+
 @pytest.mark.parametrize(
     ("terms", "rows"), [(hd.Caputo(0.9), 1), (hd.Caputo(2.5) + hd.Caputo(0.5), 3)]
 )

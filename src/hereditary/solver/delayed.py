@@ -40,9 +40,9 @@ from .delayed_pieces import (
 from .events import bracketed_root
 from .piecewise import FitTolerance, Piecewise, piecewise
 
-# Exponents from which on a kink of f is nothing: for each decimal digit of rtol, and at least. On 39
-# drawn systems of 1 to 20 delays, orders 0.3 to 1.9, twice both take up to seven times the steps, at
-# errors that are no smaller.
+# Exponents from which on a kink of f is nothing: for each decimal digit of rtol, and at least. Twice
+# both takes up to seven times the steps, at errors that are no smaller (drawn systems in
+# convergence/delays.py).
 _SMOOTH_EXPONENT_PER_DIGIT = 0.25
 _MIN_SMOOTH_EXPONENT = 1.0
 # Exponents of the solution below which the march begins anew at a kink.
