@@ -442,6 +442,7 @@ FITS = [
         ({"t": [T, T], "data": [T, T], "sigma": [0.1, None]}, "sigma must be given for all"),
         ({"loss": "huber"}, "sigma must be given with loss='huber'"),
         ({"t_eval": T}, "t_eval must be left out"),
+        ({"params": [1.0]}, "params must be left out, for model makes"),
         ({"model": lambda alpha, rate: None}, "model must return an Equation"),
         ({"observe": lambda y: y[:, [0, 0]]}, r"observe must give real values of shape \(30,\)"),
     ]),

@@ -301,6 +301,10 @@ READ = [
     (lambda: equation(0.5, [1.0, 1.0], lambda t, y, m: -y, memory=np.eye(2) * C(0.3)),
      "memory must have coefficients of shape"),
     (lambda: reading(jac=airy_jac), "jac_memory"),
+    (lambda: hd.Equation(C(0.8), lambda t, y, m: -y - 0.4 * m[0], 1.0, memory=C(0.3),
+                         jac=lambda t, y, m: np.array([[-1.0]]),
+                         jac_memory=lambda t, y, m: np.array([[0.4]])),
+     r"jac_memory must hold d rhs\[i\] / d memory\[j\] = -0.4, got 0.4 in row 0, column 0"),
     (lambda: reading(jac=airy_jac, jac_memory=lambda t, x, memory: np.array([[x[0] ** 2 - 1]])),
      "must hold d rhs"),
 ]  # fmt: skip

@@ -15,7 +15,7 @@ from scipy.special import rgamma
 from .equation.operators import Summand
 from .equation.statement import as_terms, factors_of
 from .equation.system import System
-from .equation.terms import SystemTerm
+from .equation.terms import SystemTerm, derivative_of_one
 from .given.schemes.l1 import L1
 from .given.schemes.l2 import L2
 from .given.schemes.l12 import L12
@@ -178,7 +178,7 @@ class _Known:
         """Return what y(0) adds to the derivative of y - y(0), (n, k); it may be infinite at 0."""
         if operator.definition.subtracts_start or not operator.derivative:
             return 0.0
-        factor, exponent = operator.definition.of_start(operator.order)
+        factor, exponent = derivative_of_one(operator.order)
         with np.errstate(divide="ignore"):
             weights = factor * self.times**exponent
         y0 = self.y0[columns]

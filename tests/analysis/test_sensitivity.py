@@ -1,6 +1,7 @@
 """Sensitivities: closed forms of Mittag-Leffler's derivatives, and differences of runs."""
 
 import re
+import signal
 
 import mpmath
 import numpy as np
@@ -244,6 +245,25 @@ def test_memory_that_the_right_hand_side_reads(memory, how):
     for k in range(2):
         by_runs = by_differences(equation, k, 1e-4, **how)
         assert found.by_params[-1, :, k] == pytest.approx(by_runs, abs=1e-7)
+
+
+@pytest.mark.usefixtures("ctrl_c")
+@pytest.mark.parametrize("how", [{"n_steps": 10**7, "scheme": hd.ExplicitCaputo()}, {"rtol": 1e-9}])
+def test_an_interrupted_run_has_its_rows(how):
+    equation = hd.Equation(
+        hd.Caputo([2.0, 1.0]), lambda t, y, p: np.array([-p[0] * y[0], np.cos(1e3 * t)]),
+        [[1.0, 0.0], [0.0, 0.0]], params=[2e3],
+    )  # fmt: skip
+    times = np.linspace(0.0, 1e4, 10_001)
+    hd.sensitivities(equation, 1.0, **(how | ({"n_steps": 1000} if "n_steps" in how else {})))
+    previous = signal.signal(signal.SIGALRM, lambda *_: signal.raise_signal(signal.SIGINT))
+    signal.setitimer(signal.ITIMER_REAL, 0.5)
+    try:
+        found = hd.sensitivities(equation, 1e4, t_eval=times, wrt=ALL[:2], **how)
+    finally:
+        signal.signal(signal.SIGALRM, previous)
+    assert found.status is hd.Status.INTERRUPTED
+    assert 0 < len(found.t) == len(found.by_params) == len(found.by_y0) < times.size
 
 
 def test_rows_lie_between_steps_with_a_tolerance():

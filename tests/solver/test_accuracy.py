@@ -404,6 +404,13 @@ def test_a_solution_can_be_checked(how):
     assert f"{found.largest[0]:.1e}" in repr(found)
 
 
+def test_the_run_of_a_check_has_the_longest_step_of_the_solution():
+    pushed = hd.Equation(hd.Caputo(1), lambda t, y: -y + 100.0 * (7.0 < t < 7.01), 1.0)
+    sol = hd.solve(pushed, 10.0, rtol=1e-6, max_step=5e-3)
+    assert sol.y[-1, 0] > 0.04
+    assert sol.check().largest.max() < 1e-5
+
+
 def test_what_cannot_be_checked_is_refused(tmp_path):
     eq = equation()
     sol = hd.solve(eq, 4.0, 100)
@@ -413,8 +420,9 @@ def test_what_cannot_be_checked_is_refused(tmp_path):
     for other in (pickle.loads(pickle.dumps(sol)), hd.solve(eq, 8.0, resume=sol.state)):
         with pytest.raises(ValueError, match="solution must be one"):
             other.check()
-    with pytest.raises(ValueError, match="rtol must"):
-        sol.check(rtol=2.0)
+    for rtol in (2.0, 0.0):
+        with pytest.raises(ValueError, match="rtol must"):
+            sol.check(rtol=rtol)
     late, _ = quietly(GROWING, 3.0, 10, t_eval=[2.9])
     with pytest.raises(RuntimeError, match=r"finite .* no row of this run is before that"):
         late.check()

@@ -220,6 +220,17 @@ FREE = hd.Equation(C(1.0), lambda t, y: np.array([y[1], 0.0]), [0.5, 1.0])
 FALLING = hd.Equation(C(1.0), lambda t, y: np.array([y[1], -1.0]), [1.0, 0.0])
 
 
+@pytest.mark.parametrize("order", [0.8, 1.0])
+@pytest.mark.parametrize("scheme", GIVEN, ids=repr)
+def test_a_change_that_leads_further_acts_once(scheme, order):
+    further = event(lambda t, v: v[0] - 1.0, change=lambda t, v: v + 2.0)
+    equation = hd.Equation(C(order), lambda t, v: 1.5 - v, 0.0)
+    exact = completed(equation, 8.0, rtol=1e-9, events=further)
+    found = completed(equation, 8.0, 4000, scheme=scheme, events=further)
+    assert found.t_events[0] == pytest.approx(exact.t_events[0], abs=3e-3)
+    assert found.y[-1] == pytest.approx(exact.y[-1], abs=3e-4)
+
+
 @pytest.mark.parametrize("e", [0.8, 0.3, 0.1, 2e-3, 1e-3, 3e-4, 0.0])
 def test_a_bouncing_ball_comes_to_an_end(e):
     words, events = "follow each other without end", floor(e, direction=-1)

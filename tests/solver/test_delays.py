@@ -12,7 +12,6 @@ from scipy.special import binom, gamma
 from solver.runs import completed, warned
 
 import hereditary as hd
-from hereditary.solver import delayed
 
 matplotlib.use("Agg")
 
@@ -74,7 +73,7 @@ def test_more_delays_than_kinks_that_are_known_keep_the_tolerance(monkeypatch, o
     given = given.replace(memory=jumps)
     exact = completed(given, 8.0, rtol=1e-8)(times)
     for most in (1, 12, 60):
-        monkeypatch.setattr(delayed, "_MOST_KINKS", most)
+        monkeypatch.setattr("hereditary.solver.delayed._MOST_KINKS", most)
         found = completed(given, 8.0, rtol=1e-5)(times)
         assert (np.abs(found - exact) < 1e-5 * np.abs(exact).max(axis=0)).all()
 

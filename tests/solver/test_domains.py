@@ -212,6 +212,19 @@ def test_empty_tanks_beside_others_and_with_a_given_jacobian():
         assert sol.y[-1, 0] == pytest.approx(expected, rel=2e-6)
 
 
+@pytest.mark.parametrize("rtol", [1e-3, 1e-6, 1e-9])
+@pytest.mark.parametrize("order", [0.3, 0.5, 0.8])
+def test_what_stays_full_beside_an_empty_tank_at_first_costs_little(order, rtol):
+    """At the first nodes it is on either side of its start value, by rounding."""
+    tank = hd.Equation(hd.Caputo(order), ramp, 0.0, params=[0.0])
+    both = hd.Equation(
+        hd.Caputo(order), lambda t, y: np.array([t - np.sqrt(y[0]), -y[0]]), [0.0, 1.0]
+    )
+    alone, beside = (completed(equation, 3.0, rtol=rtol) for equation in (tank, both))
+    assert beside.y[-1, 0] == pytest.approx(alone.y[-1, 0], rel=2 * rtol)
+    assert beside.stats["n_rhs"] < 10 * alone.stats["n_rhs"]
+
+
 @pytest.mark.parametrize("alpha", [0.1, 0.5, 1.25, 1.5])
 def test_a_benchmark_with_a_power_of_y_that_begins_at_0(alpha):
     """By Diethelm, Ford and Freed (2004): y = t^8 - 3 t^(4 + a/2) + 9/4 t^a."""

@@ -77,6 +77,18 @@ def test_blow_up_with_memory_does_not_depend_on_the_tolerance():
     assert ends[0] == pytest.approx(ends[1], abs=1e-5)
 
 
+@pytest.mark.parametrize("order", [0.3, 0.5, 0.8, 1.0])
+@pytest.mark.parametrize("power", [2, 3])
+def test_blow_up_is_told_at_loose_tolerances_too(order, power):
+    """Newton's method fails in the last steps there; f does not jump."""
+    growth = hd.Equation(hd.Caputo(order), lambda t, y, p: y ** p[0], 1.0, params=[power])
+    ends = []
+    for rtol in (1e-2, 1e-3, 1e-4, 1e-8):
+        with pytest.warns(hd.SolveWarning, match="stopped being finite"):
+            ends.append(hd.solve(growth, 5.0, rtol=rtol).t[-1])
+    assert ends == pytest.approx([ends[-1]] * 4, rel=0.01)
+
+
 @pytest.mark.parametrize("rtol", [1e-3, 1e-6, 1e-10])
 @pytest.mark.parametrize("turn", [0.0, 1.0])
 @pytest.mark.parametrize("order", [0.7, 1.0, 1.6])

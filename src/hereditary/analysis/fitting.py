@@ -279,6 +279,9 @@ class _RunOptions:
         if "t_eval" in self.arguments:
             got = shown(self.arguments["t_eval"])
             refuse("t_eval", "be left out, for t says it", got, kind=TypeError)
+        for name in self.arguments.keys() & {"params", "resume"}:
+            required = "be left out, for model makes the equation of each run"
+            refuse(name, required, shown(self.arguments[name]), kind=TypeError)
 
     @cached_property
     def of_solve(self) -> dict[str, Any]:

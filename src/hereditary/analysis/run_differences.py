@@ -56,7 +56,7 @@ class RunDifferences:
         # t_last: the user's time; times (n,): of the rows; arguments: of `solve`; n_numbers: how
         # many derivatives are requested, for the bar; `change`: of a number, relative
         self._equation, self._t_last, self._times = equation, t_last, times
-        self._of_solve, self._bar, self.n_runs = arguments, bar, 1 + 2 * n_numbers
+        self._of_solve, self._bar, bar.parts = arguments, bar, 1 + 2 * n_numbers
         self._made, self._bend = 0, 0.0
         self._tries: list[dict[str, Any]] = [{}]
         if chooses_steps(arguments["scheme"]):
@@ -195,7 +195,7 @@ class RunDifferences:
         with no_estimates():
             solution = solve(equation, self._t_last, t_eval=self._times, **self._arguments)
         self._made += 1
-        self._bar.update(min(self._made / self.n_runs, 1.0))
+        self._bar.update(min(self._made, self._bar.parts))
         if solution.status is Status.INTERRUPTED:
             raise KeyboardInterrupt
         return solution

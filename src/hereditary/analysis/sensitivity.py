@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -14,8 +14,8 @@ from ..given.history.history import History
 from ..given.steps import UniformSteps, kept_steps
 from ..solver.elsewhere import lacking
 from ..solver.opening import chooses_steps, how_to_step, open_stepper
-from ..solver.progress import ProgressBar
-from ..solver.run import reached_end, report
+from ..solver.progress import Interruption, ProgressBar
+from ..solver.run import Drive, reached_end, report
 from ..solver.solve import chosen_scheme, evaluation_times, run_end
 from ..stepping.scheme import Scheme
 from ..stepping.status import Ending, Status
@@ -114,7 +114,8 @@ def sensitivities(
     Returns
     -------
     Sensitivities
-        If the run ends early, it has the rows until then.
+        If the run ends early, also by Ctrl-C, it has the rows until then. Differences of runs do
+        not return after Ctrl-C.
 
     Raises
     ------
@@ -204,55 +205,39 @@ def _by_tangents(
     span = t_last - start
     stepper, _ = open_stepper(system, scheme, history, stepping, span, directions=directions)
     stepper.set_breaks(checked_breaks(arguments["breaks"], start), span)
+    since, between, rows = times - start, chooses_steps(scheme), list[np.ndarray]()
+    stops = [since[-1]] if between else kept_steps(times, stepping.h, start)
+    if between:
+        stepper.keep_tangents()
+        rows += [_columns(stepper)] if since[0] == 0.0 else []
 
-    def made() -> None:
-        bar.update(min(stepper.t / span, 1.0) / runs.n_runs)
+    def advance(stop: float) -> None:
+        piece = stepper.advance(stop, keep=between)
+        reached = int(np.searchsorted(since, stepper.t, side="right"))
+        if piece is not None and reached > len(rows):
+            rows.extend(piece.evaluate(since[len(rows) : reached], 0))
 
-    if chooses_steps(scheme):
-        rows = _between_steps(stepper, times - start, made)
-    else:
-        rows = _at_steps(stepper, kept_steps(times, stepping.h, start), made)
-    ended = stepper.failure or Ending(reached_end(stepper.diagnostics))
-    message = report(stepper, ended, stepper.diagnostics)
+    ended = None
+    with Interruption() as interruption:
+        drive = Drive(stepper, stops[-1], advance, interruption, bar)
+        for stop in stops:
+            ended = ended or drive.to(stop)
+            rows += [] if between or ended else [_columns(stepper)]
+    ended = ended or Ending(reached_end(stepper.diagnostics))
     columns = np.array(rows).reshape(len(rows), 1 + directions.shape[1], equation.d)
     y, every = columns[:, 0], np.moveaxis(columns[:, 1:], 1, 2)
+    by_orders = np.full((*y.shape, len(equation.terms)), np.nan) if "orders" in kinds else None
+    if by_orders is not None and ended.status is not Status.INTERRUPTED:
+        by_orders = runs.by_orders(len(y))
     return Sensitivities(
         t=times[: len(y)],
         y=y,
         by_params=every[..., :size] if "params" in kinds else None,
         by_y0=every[..., size:] if "y0" in kinds else None,
-        by_orders=runs.by_orders(len(y)) if "orders" in kinds else None,
+        by_orders=by_orders,
         status=ended.status,
-        message=message,
+        message=report(stepper, ended, stepper.diagnostics),
     )
-
-
-def _at_steps(stepper: Any, stops: np.ndarray, made: Callable[[], None]) -> list[np.ndarray]:
-    """March to each of these steps; return rows of y and its tangents, ((1 + k) d,), there."""
-    rows: list[np.ndarray] = []
-    for stop in stops:
-        while stepper.position < stop and not stepper.failure:
-            stepper.advance(stop, keep=False)
-            made()
-        if stepper.failure:
-            break
-        rows.append(_columns(stepper))
-    return rows
-
-
-def _between_steps(stepper: Any, times: np.ndarray, made: Callable[[], None]) -> list[np.ndarray]:
-    """March by steps of a tolerance; return rows ((1 + k) d,) at times between."""
-    stepper.keep_tangents()
-    rows = [_columns(stepper)] if times[0] == 0.0 else []
-    while stepper.position < times[-1] and not stepper.failure:
-        piece = stepper.advance(times[-1])
-        made()
-        if piece is None:
-            continue
-        reached = int(np.searchsorted(times, stepper.t, side="right"))
-        if reached > len(rows):
-            rows.extend(piece.evaluate(times[len(rows) : reached], 0))
-    return rows
 
 
 def _columns(stepper: Any) -> np.ndarray:

@@ -229,9 +229,8 @@ def set_newton_tol(m, h):
     terms, orders, above_one = equations.terms, equations.orders, equations.above_one
     newton_tol, d = workspace.newton_tol, workspace.newton_tol.shape[0]
     for c in range(d):
-        size = abs(orbit.p[0, c])
-        if above_one[c] == 1 or limits.tolerance.by_size > 0.0:  # else y may be far below y(0)
-            size = max(size, state.largest[c])
+        far_below = above_one[c] == 0 and limits.tolerance.by_size == 0.0  # y may be, of y(0)
+        size = max(0.0 if far_below else state.largest[c], abs(orbit.p[0, c]))
         newton_tol[c] = _NEWTON_TOL_FRACTION * allowed_error(
             c, size, workspace.sizes[c], above_one[c], 1.0, limits
         )

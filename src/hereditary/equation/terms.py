@@ -45,9 +45,10 @@ class Definition(NamedTuple):
     subtracts_start: bool = True  # whether it acts on y - y(0); else on y, 0 before the start
     instead: str = ""  # what to solve if f would read it, which is refused; empty if f may
 
-    def of_start(self, order: Any) -> tuple[Any, Any]:
-        """Return c and e: the derivative of y exceeds that of y - y(0) by ``c t**e y(0)``."""
-        return rgamma(1 - order), -order
+
+def derivative_of_one(order: Any) -> tuple[Any, Any]:
+    """Return c and e: the derivative of y exceeds that of y - y(0) by ``c t**e y(0)``."""
+    return rgamma(1 - order), -order
 
 
 # That of Caputo's derivative.

@@ -82,16 +82,18 @@ def wrong_jacobian(
         return ""
     where = "near y0 at the start" if t == 0 else "where the run ends"
     i, j = np.unravel_index(np.argmax(counts), counts.shape)
+    name = "jac" if functions.has_jac else "jac_sparsity or bandwidth"
     if structure is None:
         given, expected = next((g[i, j], e[i, j]) for wrong, g, e in found if wrong[i, j])
-        got = f"{given:.6g} in row {i}, column {j}, {where}"
-        required = f"hold d rhs[i] / d y[j] = {expected:.6g}"
+        of_memory = j >= functions.n
+        name, of = ("jac_memory", "memory") if of_memory else (name, "y")
+        got = f"{given:.6g} in row {i}, column {j - functions.n * of_memory}, {where}"
+        required = f"hold d rhs[i] / d {of}[j] = {expected:.6g}"
         remedy = "check signs and whether it is transposed, or leave jac out for differences"
     else:
         got = f"others in row {i}, {where}"
         required = "hold every entry of d rhs / d y that differs from 0"
         remedy = "differences along a random direction tell so"
-    name = "jac" if functions.has_jac else "jac_sparsity or bandwidth"
     return complaint(name, required, got, remedy)
 
 

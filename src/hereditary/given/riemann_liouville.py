@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 
 from ..equation.system import System
+from ..equation.terms import derivative_of_one
 from ..kernels.special import hurwitz_zeta
 from .plan import Plan
 
@@ -34,7 +35,7 @@ def with_initial_values(plan: Plan, system: System, order: float) -> Plan:
     corrections = np.zeros((n_first + 1, d))
     amplitudes, powers = [], []
     for operator, c in terms:
-        factor, exponent = operator.definition.of_start(operator.order)
+        factor, exponent = derivative_of_one(operator.order)
         amplitudes.append(c * system.y0[0] * factor)
         powers.append(np.where(c != 0, exponent, 0.0))
         sizes = amplitudes[-1] * rows.unit[0] ** exponent

@@ -16,6 +16,7 @@ import numpy as np
 
 from ..equation.orders import OrderFailed
 from ..equation.system import System
+from ..equation.terms import derivative_of_one
 from ..kernels.special import gauss_unit, mean_exponential
 from ..stepping.scheme import Scheme
 from ..support.checks import complaint, refuse
@@ -306,15 +307,15 @@ class RowSums:
                     times = self.steps.times(n + self._late[a])
                     found[0, a] += c * factor * times**p
                 if not operator.definition.subtracts_start:
-                    of_start = operator.definition.of_start(1 - p)
-                    found[1, a] += c * self._initial(n, of_start, int(self._explicit and above))
+                    found[1, a] += c * self._initial(n, 1 - p, int(self._explicit and above))
         return (found * lead).reshape(len(found) * len(lead), n.size)
 
-    def _initial(self, n: np.ndarray, of_start: tuple[Any, Any], first: int) -> np.ndarray:
+    def _initial(self, n: np.ndarray, order: Any, first: int) -> np.ndarray:
         """Return what a start value of 1 adds at steps n, (R,), with a correction in one step."""
-        # ``factors t**exponents`` of `of_start`, but 0 at t = 0. first: step of the correction, 1
-        # if an explicit scheme gets the increment of step 0 from the initial values, else 0.
-        (factors, exponents), times, first = of_start, self.steps.times(n), first - int(n[0])
+        # The derivative of 1, but 0 at t = 0. first: step of the correction, 1 if an explicit
+        # scheme gets the increment of step 0 from the initial values, else 0.
+        (factors, exponents), first = derivative_of_one(order), first - int(n[0])
+        times = self.steps.times(n)
         values = np.where(times > 0, times, np.inf) ** exponents
         if 0 <= first < n.size:
             values[first] += self.steps.first_sample(-float(exponents[first]))

@@ -265,16 +265,18 @@ class Provenance:
         if not self._has_rows(solution):
             required, got = "have a row after the start", f"{solution.t.size} rows"
             refuse("solution", required, got, solution.message)
-        scheme, atol = Collocation(), None
+        scheme, others = Collocation(), dict[str, Any]()
         if isinstance(self.scheme, Collocation):
             own = cast(State, solution.state).how
-            rtol = rtol or max(_TIGHTER * own.rtol, TOLERANCE_FLOOR)
+            rtol = max(_TIGHTER * own.rtol, TOLERANCE_FLOOR) if rtol is None else rtol
             nodes = self.scheme.nodes
             scheme = Collocation(nodes + 2 if nodes <= 10 else nodes - 2)
             atol = None if own.atol is None else np.asarray(own.atol) * rtol / own.rtol
-        rtol = rtol or _CHECK_RTOL
+            max_step = own.max_step if own.max_step < np.inf else None
+            others = {"atol": atol, "max_step": max_step}
+        rtol = _CHECK_RTOL if rtol is None else rtol
         with silence():
-            found = self._accurate(solution, scheme, rtol=rtol, atol=atol)
+            found = self._accurate(solution, scheme, rtol=rtol, **others)
         accuracy, other = self._compared(solution, found, rtol), found.solution
         if other.success:
             return accuracy

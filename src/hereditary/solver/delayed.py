@@ -40,9 +40,8 @@ from .delayed_pieces import (
 from .events import bracketed_root
 from .piecewise import FitTolerance, Piecewise, piecewise
 
-# Exponents from which on a kink of f is nothing: for each decimal digit of rtol, and at least. Twice
-# both takes up to seven times the steps, at errors that are no smaller (drawn systems in
-# convergence/delays.py).
+# Exponents from which on a kink of f is nothing: for each decimal digit of rtol, and at least. On
+# the drawn systems of convergence/delays.py twice both takes seven times the steps and errs alike.
 _SMOOTH_EXPONENT_PER_DIGIT = 0.25
 _MIN_SMOOTH_EXPONENT = 1.0
 # Exponents of the solution below which the march begins anew at a kink.
@@ -207,20 +206,14 @@ class DelayedStepper(ResumableStepper, JumpingStepper):
         """Make room for pieces, and set the windows of delays up to the next stop."""
         t, pieces = self._inner.t, self._pieces
         ahead = self._stops_at[(self._stops_at > t) & ~together(self._stops_at, t, self._origin)]
-        all_known = t < self._known_until
-        last = self._known_until if all_known else self._t_end
-        until = float(ahead[0]) if ahead.size else last
+        until = float(ahead[0]) if ahead.size else self._t_end
         if until != self._until:
             self._until = until
             middle = np.array([0.5 * (t + until)])
             for delay, known in zip(self._delays, self._known_sides, strict=True):
-                known = known if all_known else known[:0]
+                known = known if t < self._known_until else known[[0, -1]]
                 i = int(np.searchsorted(known, delay.ago(middle)[0], side="right"))
-                low, high = known[i - 1 : i], known[i : i + 1]
-                pieces.windows[delay.number, 0] = low[0] if i else -np.inf
-                pieces.windows[delay.number, 1] = (
-                    np.nextafter(high[0], -np.inf) if high.size else np.inf
-                )
+                pieces.windows[delay.number] = known[i - 1], np.nextafter(known[i], -np.inf)
         self._take(roomy(pieces, self._earliest()))
         self._pieces.read_at[:] = np.nan
         last = within_delays(self._pieces, t, until - t)
@@ -275,19 +268,17 @@ class DelayedStepper(ResumableStepper, JumpingStepper):
         begins = np.flatnonzero(np.append(True, apart))
         self._marks = times[np.minimum.reduceat(order, begins)]
         lowest = np.minimum.reduceat(exponents[order], begins)
-        again, stops = lowest < self._singular, self._stops(lowest)
-        self._stops_at, self._until = self._marks[stops], -1.0
         many = len(self._kinks) == _MOST_KINKS
         self._known_until = self._kinks[-1][0] if many else self._t_end
+        again = lowest < self._singular
+        stops = self._stops(lowest) | together(self._marks, self._known_until, self._origin)
+        self._stops_at, self._until = self._marks[stops], -1.0
         later = np.maximum(lowest, 0.0) + self._gain
         seen = np.union1d(self._marks[self._stops(later)], self._jumps)
+        seen = np.append(seen, [-np.inf, np.inf])
         self._known_sides = [np.union1d(seen, own) for own in self._sides]
         self._take(self._pieces._replace(ends=self._marks[~stops]))
         self._inner.set_breaks(self._marks[again], self._t_end)
-
-    def stop_at(self, t: float) -> Any:
-        """Return the position of a march that stops at time t, or at the first step not before."""
-        return self._inner.stop_at(t)
 
     def advance(self, stop: float, keep: bool = True) -> Piece | None:
         """March towards position `stop`, at most to the next kink."""
@@ -352,15 +343,16 @@ class DelayedStepper(ResumableStepper, JumpingStepper):
     diagnostics = property(lambda self: self._inner.diagnostics)
     uncertainty = property(lambda self: self._inner.uncertainty)
     sizes_and_noise = property(lambda self: self._inner.sizes_and_noise)
+    # methods
+    stop_at = property(lambda self: self._inner.stop_at)
+    stats = property(lambda self: self._inner.stats)
+    expect_jumps = property(lambda self: self._inner.expect_jumps)
+    limit_rows = property(lambda self: self._inner.limit_rows)
 
     @property
     def failure(self) -> Ending | None:
         """Why the march cannot go on, else None."""
         return self._inner.failure if self._error is None else failed(self._error)
-
-    def stats(self) -> dict[str, Any]:
-        """Return the counts of the inner stepper."""
-        return self._inner.stats()
 
     def checkpoint(self) -> tuple:
         """Return copies of everything that a step changes."""
@@ -395,14 +387,6 @@ class DelayedStepper(ResumableStepper, JumpingStepper):
         """Continue from `state`; `allow_change` admits another right-hand side or parameters."""
         self._inner.restore(replace(state, checkpoint=state.checkpoint[0]), allow_change)
         self.remember(state.checkpoint[1])
-
-    def expect_jumps(self, of_y: bool) -> None:
-        """Prepare the inner stepper for jumps of f, and of y if `of_y`."""
-        self._inner.expect_jumps(of_y)
-
-    def limit_rows(self, most: int) -> None:
-        """Let the inner stepper make at most so many steps at once."""
-        self._inner.limit_rows(most)
 
     def set_y(self, y: np.ndarray) -> None:
         """Let y jump to these values, (d,)."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from functools import lru_cache
-from typing import Any, TypeAlias
+from typing import TypeAlias
 
 import numpy as np
 from numpy.polynomial.chebyshev import cheb2poly
@@ -44,9 +44,9 @@ def first_pieces(
         for part in (tau and _polynomials(tau), _polynomials(past) if past else constant):
             parts += [part] if part else []
             ranges += 2 * [ranges[-1] + (part[0].size if part else 0)]
-    n = ranges.pop()
+    n, given = ranges.pop(), [delay.past.delay.tau for delay in delays]
     found = _empty(known)._replace(
-        taus=np.array([np.nan if callable(tau) else tau for tau in _given(delays)]),
+        taus=np.array([np.nan if callable(tau) else tau for tau in given]),
         windows=np.tile([-np.inf, np.inf], (len(delays), 1)),
         ranges=np.array(ranges),
         by_means=above_one,
@@ -56,11 +56,6 @@ def first_pieces(
         found = _added(found, *part)
     found.counts[FIRST] = n
     return found
-
-
-def _given(delays: tuple[Delayed, ...]) -> list[Any]:
-    """Return the numbers or functions of the user that are the delays."""
-    return [delay.past.delay.tau for delay in delays]
 
 
 def _empty(delays: Delays) -> Delays:

@@ -306,7 +306,8 @@ class HybridEvents(Events):
         hidden = is_hidden(value, t, y, now, rounded) or (
             unmoved and is_hidden(value, t, y, now, allowed)
         )
-        if not hidden and (not given or now * zero.sign < 0.0):
+        led_away = now * zero.sign < 0.0 or (not unmoved and abs(now) > abs(zero.then))
+        if not hidden and (not given or led_away):
             return float(np.sign(now)), None
         ahead = sign_ahead(zero, stepper, self.step)
         if not given:

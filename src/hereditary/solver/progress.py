@@ -25,11 +25,13 @@ class ProgressBar:
         self._live = truth("progress", shown) and (
             self._stream.isatty() or type(self._stream).__module__.startswith("ipykernel.")
         )
+        self.parts = 1  # number of runs of equal lengths
         self._began = time.perf_counter()
         self._drawn = -1.0
 
-    def update(self, share: float) -> None:
-        """Show that the fraction `share` of the run, in [0, 1], is done."""
+    def update(self, n_runs: float) -> None:
+        """Show that so many runs, in [0, parts], are done."""
+        share = n_runs / self.parts
         if not self._is_due(last=share >= 1):
             return
         spent, filled = self._drawn, int(self.WIDTH * share)

@@ -195,8 +195,8 @@ class Solution:
         against 62 steps to rtol=1e-06
         """
         if self.provenance is None:
-            required, got = "be one that `solve` returned in this process", "one from a file"
-            refuse("solution", required, got, "solve the equation again")
+            required = "be one that `solve` returned in this process"
+            refuse("solution", required, "one from a file, or a copy", "solve it again")
         return self.provenance.check(self, rtol)
 
     def _repr_html_(self) -> str:

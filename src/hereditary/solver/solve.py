@@ -89,10 +89,10 @@ def solve(
         ``rtol * (|y| + 0.01 * size)``. The size is the largest \|y| so far of that component, at
         least a millionth of what others could make of it during the run. If the order exceeds 1,
         errors of y' stay so small that they move y by as much over the run. The default is 1e-6,
-        and the least value 1e-12. A resumed run has the state's by default.
+        and the least value 1e-12. A resumed run has the state's, and refuses another.
     atol : float or array_like, shape (d,), optional
         Errors stay about ``atol + rtol * |y|`` instead; one number or one for each component. A
-        resumed run has the state's by default.
+        resumed run has the state's, and refuses another.
     mesh : Graded or array_like, shape (n+1,), optional
         ``graded(n, exponent)``, or times that increase from t_start to t_end. `L1` and `L2Sigma`
         take meshes with any order, `L2` with orders up to 1; histories are `Direct` and

@@ -9,7 +9,7 @@ import numpy as np
 from ..compiled.jit import F8, I8, VEC
 from ..equation.frame import Frame
 from ..equation.system import System
-from ..support.checks import count, positive, real_array, refuse, shown, within
+from ..support.checks import count, positive, real_array, refuse, shown, whole, within
 
 # Smallest relative tolerance. Below it, rounding in double precision decides the error.
 TOLERANCE_FLOOR = 1e-12
@@ -31,6 +31,11 @@ def _absolute(name: str, atol: Any) -> float | tuple[float, ...]:
     return tuple(real_array(name, atol).tolist())
 
 
+def _step_count(name: str, value: Any) -> int:
+    """Return the checked number of steps, as compiled code can count them."""
+    return min(count(name, whole(value)), int(np.iinfo(np.int64).max))
+
+
 class Tolerance(NamedTuple):
     """Allowed errors of a run and limits of its steps: arguments of `solve`, and their checks.
 
@@ -43,7 +48,7 @@ class Tolerance(NamedTuple):
     atol: Annotated[float | tuple[float, ...] | np.ndarray | None, VEC, _absolute] = None
     modes: Annotated[float, F8, positive] = np.inf  # relative error of the modes, if below others
     max_step: Annotated[float, F8, positive] = np.inf  # [time]
-    max_steps: Annotated[int, I8, count] = 1_000_000
+    max_steps: Annotated[int, I8, _step_count] = 1_000_000
     by_size: float = 0.0  # of a march
 
     def asked(self, n: int, **given: Any) -> Tolerance:
