@@ -37,9 +37,9 @@ def test_files_and_functions_are_small():
 BUDGETS = {
     "collocation": 5235,
     "given": 3630,
-    "solver": 2498,
+    "solver": 2495,
     "analysis": 2356,
-    "compiled": 2059,
+    "compiled": 2061,
     "top": 1725,
     "equation": 1663,
     "kernels": 1492,

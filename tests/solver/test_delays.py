@@ -156,6 +156,16 @@ def test_resumed_runs_have_the_past_of_one_delay():
     assert end(resume=state) == end(n_steps=500, scheme=scheme)
 
 
+@pytest.mark.parametrize("tau", [0.1, 0.75, 1.23])
+@pytest.mark.parametrize("scheme", GIVEN, ids=repr)
+def test_resumed_runs_on_given_steps_are_equal_to_the_bit(scheme, tau):
+    equation = hd.Equation(hd.Caputo(0.8), lambda t, y, z: -1.4 * z[0], 1.0, memory=hd.Delay(tau))
+    whole = completed(equation, 4.0, 400, scheme=scheme).y
+    for n in (37, 75, 200):
+        half = completed(equation, n / 100, n, scheme=scheme)
+        assert np.array_equal(completed(equation, 4.0, resume=half.state).y, whole[n:])
+
+
 STEPS = {"n_steps": 8000, "scheme": hd.BDF(2)}
 
 

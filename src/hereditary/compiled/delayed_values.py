@@ -85,7 +85,8 @@ def next_end(delays, t):
 def look_up(delays, number, t, out):
     """Set out (d,) to the value of a delay at time t."""
     low, high = delays.windows[number, 0], delays.windows[number, 1]
-    s = min(max(t - delay_at(delays, number, t), low), high)
+    s = t - delay_at(delays, number, t)
+    s = min(max(s, low), high) if high < np.inf else s + _SAME_TIME * abs(s)  # rows of given steps
     first, end = delays.counts[FIRST], delays.counts[PIECES]
     if s < 0.0:
         first, end = delays.ranges[4 * number + 2], delays.ranges[4 * number + 3]
@@ -150,6 +151,7 @@ def set_value(delays, piece, t, of_step, out):
     weigh(delays, piece, t)
     values, width, place = delays.polynomials, delays.widths[piece], delays.places[piece]
     since = t - delays.starts[piece]
+    since = since if since > 4.0 * _SAME_TIME * abs(t) else 0.0
     for c in range(out.shape[0]):
         row, total = delays.numbers[place + c * width : place + (c + 1) * width], 0.0
         if of_step and delays.by_means[c] == 1:

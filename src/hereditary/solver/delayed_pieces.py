@@ -31,13 +31,12 @@ _Polynomials: TypeAlias = tuple[np.ndarray, np.ndarray, np.ndarray]
 
 def first_pieces(
     known: Delays,
-    above_one: np.ndarray,
+    by_means: np.ndarray,
     delays: tuple[Delayed, ...],
     taus: list[Piecewise | None],
     pasts: list[Piecewise | None],
 ) -> Delays:
     """Return the record of a march at its start, from the one that the equation has."""
-    # above_one (d,): 1 for components of which y' is the unknown
     ranges, parts = [0], list[_Polynomials]()
     for delay, tau, past in zip(delays, taus, pasts, strict=True):
         constant = np.array([-1.0]), np.ones(1), delay.before(-np.ones(1))[:, :, None]
@@ -49,7 +48,7 @@ def first_pieces(
         taus=np.array([np.nan if callable(tau) else tau for tau in given]),
         windows=np.tile([-np.inf, np.inf], (len(delays), 1)),
         ranges=np.array(ranges),
-        by_means=above_one,
+        by_means=by_means,
         read_at=np.array([np.nan]),
     )
     for part in parts:
@@ -92,10 +91,14 @@ def _added(delays: Delays, starts: np.ndarray, lengths: np.ndarray, values: np.n
 
 def appended(delays: Delays, piece: StepPieces, n: int, earliest: float) -> Delays:
     """Return the record with pieces of given steps from number n on, as parabolas."""
+    # The last piece is y at the end, and makes way for the next step. So a time that is that of a
+    # row has its y, whatever steps one call has made.
     times, rows, h = piece.times, piece.rows, np.diff(piece.times)
-    way = np.diff(rows, axis=0)
-    bend = (h[:, None] * piece.slopes[1:] - way) / 6.0
-    values = np.stack([rows[:-1] + 0.5 * way - bend, 0.5 * way, bend], axis=2)
+    mean = np.diff(rows, axis=0) / h[:, None]
+    bend = 0.5 * (piece.slopes[1:] - mean)
+    values = np.stack([rows[:-1], mean - bend, bend], axis=2)
+    if delays.counts[PIECES] > delays.counts[FIRST]:
+        delays.counts[:2] -= 1, 3 * rows.shape[1]
     drop_before(delays, earliest)
     known = min(max(2 - n, 0), h.size) if piece.starting is not None else 0
     for k in range(known):
@@ -104,8 +107,14 @@ def appended(delays: Delays, piece: StepPieces, n: int, earliest: float) -> Dela
         lengths = np.diff(edges)
         points = edges[:-1, None] + 0.5 * lengths[:, None] * (1.0 + _START_POINTS)
         inside = piece.starting.near(n + k + 1, points.ravel(), 0).reshape(*points.shape, -1)
-        delays = _added(delays, edges[:-1], lengths, np.einsum("jk,nkd->ndj", _FROM_POINTS, inside))
-    return _added(delays, times[known:-1], h[known:], values[known:])
+        first = piece.starting.near(n + k + 1, edges[:-1], 0)
+        first[0] = rows[k]
+        means = (inside - first[:, None]) / (points - edges[:-1, None])[:, :, None]
+        means = np.einsum("jk,nkd->ndj", _FROM_POINTS, means)
+        numbers = np.concatenate([first[:, :, None], means], axis=2)
+        delays = _added(delays, edges[:-1], lengths, numbers)
+    delays = _added(delays, times[known:-1], h[known:], values[known:])
+    return _added(delays, times[-1:], np.ones(1), rows[-1][None, :, None] * np.eye(3)[0])
 
 
 def drop_before(delays: Delays, earliest: float) -> None:
