@@ -9,7 +9,7 @@ import pytest
 from cases import GIVEN
 from problems import MACKEY_GLASS, delayed_growth, delayed_growth_at, mackey_glass
 from scipy.special import binom, gamma
-from solver.runs import completed, warned
+from solver.runs import completed, event, warned
 
 import hereditary as hd
 
@@ -160,10 +160,63 @@ def test_resumed_runs_have_the_past_of_one_delay():
 @pytest.mark.parametrize("scheme", GIVEN, ids=repr)
 def test_resumed_runs_on_given_steps_are_equal_to_the_bit(scheme, tau):
     equation = hd.Equation(hd.Caputo(0.8), lambda t, y, z: -1.4 * z[0], 1.0, memory=hd.Delay(tau))
-    whole = completed(equation, 4.0, 400, scheme=scheme).y
-    for n in (37, 75, 200):
-        half = completed(equation, n / 100, n, scheme=scheme)
-        assert np.array_equal(completed(equation, 4.0, resume=half.state).y, whole[n:])
+    fire = event(lambda t, y: y[0] - 0.3, change=lambda t, y: y + 0.5)
+    for how in ({}, {"events": fire}):
+        whole = completed(equation, 4.0, 400, scheme=scheme, **how)
+        for n in (37, 75, 200):
+            half = completed(equation, n / 100, n, scheme=scheme, **how)
+            rest = completed(equation, 4.0, resume=half.state, **how)
+            assert np.array_equal(rest.y[-200:], whole.y[-200:])
+
+
+@pytest.mark.parametrize("gap", [1e-12, 1e-10, 1e-8])
+@pytest.mark.parametrize("order", [0.6, 1.0])
+def test_two_delays_that_nearly_meet_make_no_error(order, gap):
+    def slope(t, y, late):
+        return -0.8 * late[0] + 0.5 * late[1] - 0.3 * y
+
+    one, two = (
+        hd.Equation(hd.Caputo(order), slope, 0.7, memory=[hd.Delay(1.0), hd.Delay(1.0 + apart)])
+        for apart in (0.0, gap)
+    )
+    for rtol in (1e-4, 1e-6):
+        found, near = (completed(each, 5.0, rtol=rtol).y[-1, 0] for each in (two, one))
+        assert found == pytest.approx(near, abs=rtol + 10 * gap**order)
+
+
+@pytest.mark.parametrize("n", [2, 8, 32])
+@pytest.mark.parametrize("scheme", [hd.ProductTrapezoid(), hd.Adams(), hd.L2Sigma()], ids=repr)
+def test_the_value_at_the_start_is_read_a_delay_later(scheme, n):
+    """The rule of these schemes is exact for y' = 1 + 100 (t - 1), up to t = 1."""
+    past = hd.Delay(1.0, past=lambda t: 1 + 100 * t)
+    equation = hd.Equation(hd.Caputo(1), lambda t, y, z: z[0], 1.0, memory=past)
+    assert completed(equation, 1.0, n, scheme=scheme).y[-1, 0] == pytest.approx(-48.0, abs=1e-9)
+
+
+@pytest.mark.parametrize("p", [3, 4, 5])
+def test_first_steps_of_higher_order_see_the_past(p):
+    late = lambda t, y, z: -np.exp(-5.0) * z[0]  # noqa: E731
+    past = hd.Delay(5.0, past=lambda t: np.exp(-t))
+    given = hd.Equation(hd.Caputo(1), late, 1.0, memory=past)
+    same = hd.Equation(hd.Caputo(1), lambda t, y: -np.exp(-t), 1.0)
+    found, forced = (completed(each, 2.0, 64, scheme=hd.BDF(p)).y for each in (given, same))
+    np.testing.assert_allclose(found, forced, atol=1e-9)
+
+
+def test_only_what_a_run_reads_of_a_past_has_to_exist():
+    def past(t):
+        if not -0.5 <= t <= 0:
+            raise ValueError("outside of the data")
+        return 1.0 + t
+
+    equation = hd.Equation(hd.Caputo(0.8), lambda t, y, z: -z[0], 1.0, memory=hd.Delay(0.5, past))
+    for how in ({"rtol": 1e-8}, {"n_steps": 100}):
+        half = completed(equation, 1.0, **how)
+        assert completed(equation, 2.0, resume=half.state)
+    long = hd.Delay(1e4, past=np.cos)
+    sine = hd.Equation(hd.Caputo(1), lambda t, y, z: z[0], 0.0, memory=long)
+    exact = np.sin(1.0 - 1e4) - np.sin(-1e4)
+    assert completed(sine, 1.0, rtol=1e-8).y[-1, 0] == pytest.approx(exact, abs=1e-8)
 
 
 STEPS = {"n_steps": 8000, "scheme": hd.BDF(2)}

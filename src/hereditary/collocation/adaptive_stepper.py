@@ -125,11 +125,6 @@ _UNTOLD = 0.05
 _MAX_STEPS_BEFORE_EVENTS = 8
 
 
-def _rests(values: np.ndarray) -> bool:
-    """Return whether f is 0 and p constant at the nodes of a step; values (n_q, d, s)."""
-    return not values[FORCE].any() and not np.ptp(values[PRIMARY], axis=1).any()
-
-
 class AdaptiveStepper(ResumableStepper, TangentStepper, JumpingStepper):
     """March of one equation by collocation; it chooses its steps to keep the tolerance."""
 
@@ -411,8 +406,10 @@ class AdaptiveStepper(ResumableStepper, TangentStepper, JumpingStepper):
             # the last two steps are equal, so that no tiny step remains before the stop
             h = self._within_delays(min(h, 0.5 * left) if h < left else h)
             steps, values = self._try_step(h, variable, of_run, trial.at_edge)
-            if values is not None and h > at_rest and _rests(values[0]):
-                continue
+            if values is not None and h > at_rest:
+                f, p = values[0, FORCE], values[0, PRIMARY]  # at the nodes, (d, s)
+                if not f.any() and not np.ptp(p, axis=1).any():
+                    continue
             if values is not None:
                 self._largest_error = max(self._largest_error, float(steps.errors[0]))
                 self._ending, self._crossed = None, False

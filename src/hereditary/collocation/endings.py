@@ -81,7 +81,10 @@ def ending(
     growing = np.any((now > largest)[:, ~is_noise]) and rejected > _WALL * h
     if status != JUMPING and growing:
         return _BLOWN_UP
-    forces = _forces_ahead(system, t, h, last[POSITION])
+    # at predictions of y beyond the step, linear ones from its first and its last node
+    first, y = last[POSITION, :, 0], last[POSITION, :, -1]
+    steps = [(abs(a) * h, a) for a in _DISTANCES_AHEAD]
+    forces = np.array([system.rhs(t + dt, y + a * (y - first)) for dt, a in steps])
     if not np.all(np.isfinite(forces)):
         return OUTSIDE
     jumps = np.abs(forces - forces[0]).max(axis=0) > _JUMP * np.abs(forces).max(axis=0)
@@ -93,13 +96,6 @@ def ending(
         if status in (JUMPING, NEWTON_FAILED)
         else TOO_STEEP
     )
-
-
-def _forces_ahead(system: System, t: float, h: float, y: np.ndarray) -> np.ndarray:
-    """Return f at predictions of y beyond the last step, (n, d); y (d, s) are its values there."""
-    # linear ones from the first and the last node of the step, of length h
-    ahead = [(t + abs(a) * h, y[:, -1] + a * (y[:, -1] - y[:, 0])) for a in _DISTANCES_AHEAD]
-    return np.array([system.rhs(*point) for point in ahead])
 
 
 def of_near_orders(gap: float) -> Ending:

@@ -192,7 +192,7 @@ def extrapolate(m, h):
     reached, change = m.workspace.reached, m.workspace.change
     d, s = out.shape
     clear_matrix(reached)
-    for i in range(s if h_last > 0.0 else 0):
+    for i in range(s if 0.0 < h < _FARTHEST_GUESS * h_last else 0):
         u = 1.0 + 2.0 * h / h_last * nodes[i]
         before, now = 1.0, u
         for k in range(s):
@@ -221,6 +221,9 @@ ORDERS_NEEDED, JUMPING, CRAWLING, FOUND, CROSSED = range(5, 10)
 _MAX_FACTOR = 3.0
 # Smallest ratio of the next step's length to the present one.
 _MIN_FACTOR = 0.2
+# Length of a step, relative to the last one, from which the first guess is constant: next to two
+# kinks that rounding sets apart a step is so short that its polynomial extrapolates rounding.
+_FARTHEST_GUESS = 100.0
 # Length of the next step, relative to that at which the error would be the tolerance.
 _SAFETY = 0.8
 # Number of steps after which the reach of components is found again, if no size grows.

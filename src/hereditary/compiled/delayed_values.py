@@ -87,12 +87,12 @@ def look_up(delays, number, t, out):
     low, high = delays.windows[number, 0], delays.windows[number, 1]
     s = t - delay_at(delays, number, t)
     s = min(max(s, low), high) if high < np.inf else s + _SAME_TIME * abs(s)  # rows of given steps
-    first, end = delays.counts[FIRST], delays.counts[PIECES]
-    if s < 0.0:
-        first, end = delays.ranges[4 * number + 2], delays.ranges[4 * number + 3]
+    first, end = delays.ranges[4 * number + 2], delays.ranges[4 * number + 3]
+    of_step = s >= 0.0 or first == end
+    if of_step:
+        first, end = delays.counts[FIRST], delays.counts[PIECES]
     if first < end:
-        piece = find_piece(delays.starts, first, end, s)
-        set_value(delays, piece, s, s >= 0.0, out)
+        set_value(delays, find_piece(delays.starts, first, end, s), s, of_step, out)
     for c in range(out.shape[0] if s < 0.0 else 0):
         out[c] += delays.displacements[number, c]
     for c in range(out.shape[0]):

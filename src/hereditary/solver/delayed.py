@@ -34,6 +34,7 @@ from .delayed_pieces import (
     drop_before,
     first_pieces,
     roomy,
+    set_last,
     solved,
     with_contents,
 )
@@ -106,8 +107,9 @@ class DelayedStepper(ResumableStepper, JumpingStepper):
         self._pasts = [self._past_of(delay, tol) for delay in delays]
         d, known = self.system.n_solved, self.system.functions.delays
         by_means = np.ones(d, np.int64) if rtol is None else inner.form.above_one[:d].copy()
-        self._pieces = first_pieces(known, by_means, delays, self._taus, self._pasts)
-        inner.take_delays(self._pieces)
+        start = self.system.at_start[:d] if rtol is None else None
+        self.pieces = first_pieces(known, by_means, delays, self._taus, self._pasts, start)
+        inner.take_delays(self.pieces)
         self._roots, self._sides = self._of_start()  # kinks of f; jumps that each delay reads
         self._kinks = self._later(self._roots)
         if self.on_given_steps:
@@ -166,15 +168,15 @@ class DelayedStepper(ResumableStepper, JumpingStepper):
 
     def _past_of(self, delay: Delayed, tol: float) -> Piecewise | None:
         """Return the past that a delay still reads as polynomials, or None for a constant."""
-        first = float(delay.ago(np.array([self._inner.t]))[0])
-        if not callable(delay.past.delay.past) or first >= 0:
+        first, last = np.minimum(delay.ago(np.array([self._inner.t, self._t_end])), 0.0).tolist()
+        if not callable(delay.past.delay.past) or first >= last:
             return None
-        some = np.linspace(first, 0.0, _AGAIN, endpoint=False)
+        some = np.linspace(first, last, _AGAIN, endpoint=False)
         if not np.array_equal(delay.before(some), delay.before(some)):
             remedy = "interpolate values that are drawn once, by numpy.interp"
             refuse("past", "return equal values at equal times", "others in a second call", remedy)
         found = piecewise(
-            delay.before, first, 0.0, _MIN_PAST_SAMPLES, self._fit_tolerance(tol, first, 0.0)
+            delay.before, first, last, _MIN_PAST_SAMPLES, self._fit_tolerance(tol, first, last)
         )
         self._note_missed("past of a delay", found)
         return found
@@ -199,12 +201,12 @@ class DelayedStepper(ResumableStepper, JumpingStepper):
     def delayed(self, t: float) -> np.ndarray:
         """Return what the right-hand side reads at a time of the march: k delays, (k, d)."""
         out = np.empty((len(self._delays), self.system.n_solved))
-        read_delays(self._pieces, t, out)
+        read_delays(self.pieces, t, out)
         return out
 
     def _prepare(self) -> None:
         """Make room for pieces, and set the windows of delays up to the next stop."""
-        t, pieces = self._inner.t, self._pieces
+        t, pieces = self._inner.t, self.pieces
         ahead = self._stops_at[(self._stops_at > t) & ~together(self._stops_at, t, self._origin)]
         until = float(ahead[0]) if ahead.size else self._t_end
         if until != self._until:
@@ -215,32 +217,27 @@ class DelayedStepper(ResumableStepper, JumpingStepper):
                 i = int(np.searchsorted(known, delay.ago(middle)[0], side="right"))
                 pieces.windows[delay.number] = known[i - 1], np.nextafter(known[i], -np.inf)
         self._take(roomy(pieces, self._earliest()))
-        self._pieces.read_at[:] = np.nan
-        last = within_delays(self._pieces, t, until - t)
+        self.pieces.read_at[:] = np.nan
+        last = within_delays(self.pieces, t, until - t)
         self._inner.note_reads(self._change_by_delays(t + 0.5 * last))
 
     def _take(self, pieces: Delays) -> None:
         """Let f read these pieces."""
-        if pieces is not self._pieces:
-            self._pieces = pieces
+        if pieces is not self.pieces:
+            self.pieces = pieces
             self._inner.take_delays(pieces)
 
     def _change_by_delays(self, t: float) -> np.ndarray:
         """Return how much f changes by delayed values at time t, (d,), as units of its rounding."""
         # by factors that differ for each component, so that terms that cancel count
-        system, factors = self._inner.system, self._pieces.factors
+        system, factors = self._inner.system, self.pieces.factors
         y = np.append(self._inner.y, np.zeros(system.d - system.n_solved))  # other memory is 0
         f = system.rhs(t, y)
         factors += _FACTOR / np.sqrt(2.0 + np.arange(factors.size))
-        self._pieces.read_at[:] = np.nan
+        self.pieces.read_at[:] = np.nan
         changed = system.rhs(t, y)
-        factors[:], self._pieces.read_at[:] = 1.0, np.nan
+        factors[:], self.pieces.read_at[:] = 1.0, np.nan
         return np.abs(changed - f) / _FACTOR
-
-    def _mark(self, t: float) -> float:
-        """Return the break, the kink or the end of the run that is one time with t, or t itself."""
-        same = self._marks[together(self._marks, t, self._origin)]
-        return float(same[0]) if same.size else t
 
     def set_breaks(self, times: np.ndarray, t_end: float) -> None:
         """Let steps see jumps at these times, and the kinks that follow them by delays."""
@@ -277,14 +274,15 @@ class DelayedStepper(ResumableStepper, JumpingStepper):
         seen = np.union1d(self._marks[self._stops(later)], self._jumps)
         seen = np.append(seen, [-np.inf, np.inf])
         self._known_sides = [np.union1d(seen, own) for own in self._sides]
-        self._take(self._pieces._replace(ends=self._marks[~stops]))
+        self._take(self.pieces._replace(ends=self._marks[~stops]))
         self._inner.set_breaks(self._marks[again], self._t_end)
 
     def advance(self, stop: float, keep: bool = True) -> Piece | None:
         """March towards position `stop`, at most to the next kink."""
         if self.on_given_steps:
             return self._advance_given(stop, keep)
-        if self._mark(stop) != stop:
+        same = self._marks[together(self._marks, stop, self._origin)]
+        if same.size and same[0] != stop:
             self._set_marks(stop)
         try:
             self._prepare()
@@ -303,7 +301,7 @@ class DelayedStepper(ResumableStepper, JumpingStepper):
     def _advance_given(self, stop: float, keep: bool) -> Piece | None:
         """March by given steps towards step `stop`, at most to the last known delayed value."""
         inner, n = self._inner, self._inner.position
-        self._pieces.read_at[:] = np.nan
+        self.pieces.read_at[:] = np.nan
         try:
             last = self._last_step()
         except Exception as error:
@@ -312,7 +310,7 @@ class DelayedStepper(ResumableStepper, JumpingStepper):
         earliest = self._earliest()  # events read delayed values at times of these steps
         piece = inner.advance(min(stop, last))
         if piece is not None:
-            self._take(appended(self._pieces, piece, n, earliest))
+            self._take(appended(self.pieces, piece, n, earliest))
         return piece if keep else None
 
     def _last_step(self) -> int:
@@ -328,7 +326,7 @@ class DelayedStepper(ResumableStepper, JumpingStepper):
 
     def linear_arrays(self) -> list[np.ndarray]:
         """Return every array that is linear in the solution, with pieces that delays read."""
-        return [*self._inner.linear_arrays(), *solved(self._pieces)]
+        return [*self._inner.linear_arrays(), *solved(self.pieces)]
 
     def _earliest(self) -> float:
         """Return the earliest time that a delay reads at the present time."""
@@ -362,13 +360,13 @@ class DelayedStepper(ResumableStepper, JumpingStepper):
         """Return copies of the kinks that may have later ones, and of pieces."""
         earliest = self._earliest()
         kinks = tuple(pair for pair in self._kinks if pair[0] >= earliest)
-        return Remembered(tuple(self._jumps), kinks, contents(self._pieces))
+        return Remembered(tuple(self._jumps), kinks, contents(self.pieces))
 
     def remember(self, remembered: Remembered) -> None:
         """Restore kinks and pieces; the inner stepper has already been restored."""
         self._jumps = list(remembered.jumps)
         self._kinks = self._later([*self._roots, *remembered.kinks])
-        self._take(with_contents(self._pieces, remembered.pieces))
+        self._take(with_contents(self.pieces, remembered.pieces))
         self._until = -1.0
 
     def come_back(self, checkpoint: tuple) -> None:
@@ -378,7 +376,7 @@ class DelayedStepper(ResumableStepper, JumpingStepper):
 
     def state(self) -> State:
         """Return a state from which another run continues."""
-        drop_before(self._pieces, self._earliest())
+        drop_before(self.pieces, self._earliest())
         inner = self._inner.state()
         state = replace(inner, checkpoint=(inner.checkpoint, self._remembered()))
         return replace(state, layout=layout_of(state))
@@ -401,6 +399,7 @@ class DelayedStepper(ResumableStepper, JumpingStepper):
     def _jumped(self) -> None:
         """Record that the solution has a jump at the present time."""
         if self.on_given_steps:
+            set_last(self.pieces, self._inner.y)
             return
         t = self._inner.t
         later = [(_when(delay, t, t, self._t_end), 0.0) for delay in self._delays]

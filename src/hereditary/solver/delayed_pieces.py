@@ -35,16 +35,22 @@ def first_pieces(
     delays: tuple[Delayed, ...],
     taus: list[Piecewise | None],
     pasts: list[Piecewise | None],
+    y: np.ndarray | None,
 ) -> Delays:
     """Return the record of a march at its start, from the one that the equation has."""
+    # y (d,): at the start of given steps, else None
     ranges, parts = [0], list[_Polynomials]()
     for delay, tau, past in zip(delays, taus, pasts, strict=True):
-        constant = np.array([-1.0]), np.ones(1), delay.before(-np.ones(1))[:, :, None]
-        for part in (tau and _polynomials(tau), _polynomials(past) if past else constant):
+        before = past and _polynomials(past)
+        if not callable(delay.past.delay.past):
+            before = np.array([-1.0]), np.ones(1), delay.before(-np.ones(1))[:, :, None]
+        for part in (tau and _polynomials(tau), before):
             parts += [part] if part else []
             ranges += 2 * [ranges[-1] + (part[0].size if part else 0)]
     n, given = ranges.pop(), [delay.past.delay.tau for delay in delays]
-    found = _empty(known)._replace(
+    found = known._replace(
+        **{name: getattr(known, name)[:0] for name in (*_OF_PIECES, "numbers")},
+        counts=np.zeros(3, dtype=np.int64),
         taus=np.array([np.nan if callable(tau) else tau for tau in given]),
         windows=np.tile([-np.inf, np.inf], (len(delays), 1)),
         ranges=np.array(ranges),
@@ -54,13 +60,7 @@ def first_pieces(
     for part in parts:
         found = _added(found, *part)
     found.counts[FIRST] = n
-    return found
-
-
-def _empty(delays: Delays) -> Delays:
-    """Return a record without pieces."""
-    found = delays._replace(counts=np.zeros(3, dtype=np.int64), numbers=np.zeros(0))
-    return found._replace(**{name: getattr(delays, name)[:0] for name in _OF_PIECES})
+    return found if y is None else _added(found, np.zeros(1), np.ones(1), y[None, :, None])
 
 
 def _polynomials(found: Piecewise) -> _Polynomials:
@@ -97,8 +97,7 @@ def appended(delays: Delays, piece: StepPieces, n: int, earliest: float) -> Dela
     mean = np.diff(rows, axis=0) / h[:, None]
     bend = 0.5 * (piece.slopes[1:] - mean)
     values = np.stack([rows[:-1], mean - bend, bend], axis=2)
-    if delays.counts[PIECES] > delays.counts[FIRST]:
-        delays.counts[:2] -= 1, 3 * rows.shape[1]
+    delays.counts[:2] -= 1, rows.shape[1]
     drop_before(delays, earliest)
     known = min(max(2 - n, 0), h.size) if piece.starting is not None else 0
     for k in range(known):
@@ -114,7 +113,13 @@ def appended(delays: Delays, piece: StepPieces, n: int, earliest: float) -> Dela
         numbers = np.concatenate([first[:, :, None], means], axis=2)
         delays = _added(delays, edges[:-1], lengths, numbers)
     delays = _added(delays, times[known:-1], h[known:], values[known:])
-    return _added(delays, times[-1:], np.ones(1), rows[-1][None, :, None] * np.eye(3)[0])
+    return _added(delays, times[-1:], np.ones(1), rows[-1][None, :, None])
+
+
+def set_last(delays: Delays, y: np.ndarray) -> None:
+    """Set the last piece of given steps to y (d,)."""
+    place = delays.places[delays.counts[PIECES] - 1]
+    delays.numbers[place : place + y.size], delays.read_at[:] = y, np.nan
 
 
 def drop_before(delays: Delays, earliest: float) -> None:
