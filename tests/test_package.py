@@ -45,8 +45,8 @@ def test_examples_in_docstrings(name):
 PAGES = [
     "start", "equations", "functions", "resuming", "choosing", "faq", "lyapunov", "step",
     "collocation", "kernels", "memory_terms", "varying_orders", "derivatives", "viscoelastic",
-    "events", "cannot_see", "sweeps", "fitting", "chaos", "frequency_response", "scenes", "recipes",
-    "delays", "distributed_memory", "algebraic_rows", "maps", "noise",
+    "events", "friction", "cannot_see", "sweeps", "fitting", "chaos", "frequency_response",
+    "scenes", "recipes", "delays", "distributed_memory", "algebraic_rows", "maps", "noise",
     "coming_from", "which_derivative", "large_systems",
 ]  # fmt: skip
 

@@ -749,9 +749,10 @@ class AdaptiveStepper(ResumableStepper, TangentStepper, JumpingStepper):
         self._at_singular_start = True
         self._settle()
 
-    def set_side(self, number: int, sign: float) -> None:
-        """Evaluate f on the side `sign` of a switch, and begin anew because f jumps."""
-        self._marched.functions.switches.signs[number] = sign
+    def set_side(self, number: int, sign: float, center: float = 0.0, width: float = 0.0) -> None:
+        """Evaluate f on the side `sign` of a switch, or as a blend, and begin anew as f jumps."""
+        switches = self._marched.functions.switches
+        switches.signs[number], switches.blends[number] = sign, (center, width)
         self._at_singular_start = True
         self._settle()
 

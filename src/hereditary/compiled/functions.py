@@ -29,6 +29,7 @@ from .jit import (
     RHS_SIG,
     VEC,
     Integers,
+    Matrix,
     Vector,
     as_value,
     compiled_type,
@@ -72,11 +73,21 @@ class Maps(NamedTuple):
     starts: Annotated[Integers, "3*L"]  # index at which S, B and A of each map begin
 
 
+# Columns of `Switches.blends`.
+CENTER, WIDTH = range(2)
+
+
 class Switches(NamedTuple):
-    """Functions of which f is evaluated on one side only."""
+    """Functions of which f is evaluated on one side only, or as a blend of both sides.
+
+    A blend has the share (1 + u) / 2 of the side 1, and the rest of the other. Here u is the value
+    of the function less the center, over the width.
+    """
 
     functions: Annotated[Integers, "n"]  # addresses of their machine code
     signs: Annotated[Vector, "n"]  # the sides
+    blends: Annotated[Matrix, "n 2"]  # center and width; a width of 0 is no blend
+    weight: Annotated[Vector, "1"]  # of the present sides in all blends
     n_read: int  # number of components that they read
     n_inside: int  # number of maps inside of them
 
@@ -126,10 +137,13 @@ class Functions(NamedTuple):
 
     def for_a_march(self) -> "Functions":
         """Return the record with arrays of its own for what changes during a march."""
-        signs, delays = self.switches.signs.copy(), self.delays
+        delays, switches = self.delays, self.switches
         if delays.rows.size:
             delays = Delays(*[array.copy() for array in delays])
-        return self._replace(switches=self.switches._replace(signs=signs), delays=delays)
+        arrays = [switches.signs, switches.blends, switches.weight]
+        signs, blends, weight = [array.copy() for array in arrays]
+        switches = switches._replace(signs=signs, blends=blends, weight=weight)
+        return self._replace(switches=switches, delays=delays)
 
 
 _FUNCTIONS = Reference(compiled_type(Functions))
@@ -165,7 +179,7 @@ def no_functions() -> Functions:
         places=none,
         maps=Maps(nothing, np.zeros(1, dtype=np.int64), none),
         delays=zeros(Delays, k=0, n=0, m=0, d=0),
-        switches=Switches(none, nothing, 0, 0),
+        switches=zeros(Switches, n=0),
         start=0.0,
         n=0,
         form=ZERO,
@@ -258,7 +272,8 @@ def with_switches(
     The switches are compiled functions that read `n_read` components. The caller keeps them alive.
     """
     places = np.array([place_of(switch) for switch in switches], dtype=np.int64)
-    found = Switches(places, np.array(sides), n_read, functions.maps.sizes.size - 1)
+    blends, inside = np.zeros((places.size, 2)), functions.maps.sizes.size - 1
+    found = Switches(places, np.array(sides), blends, np.ones(1), n_read, inside)
     return functions._replace(switches=found)
 
 
@@ -337,6 +352,35 @@ def set_force_with(force, t, x, out, params):
 @plug_in
 def compose(functions, t, x, out, params):
     """Set out = f(t, x), where something stands around the user's function."""
+    switches, corners = functions.switches, 1 << n_blends(functions)
+    if corners == 1:
+        _compose(functions, t, x, out, params)
+        return
+    part = np.empty(out.shape[0])
+    for i in range(out.shape[0]):
+        out[i] = 0.0
+    for corner in range(corners):
+        switches.weight[0], sides = 1.0, corner
+        for number in range(switches.signs.shape[0]):
+            if switches.blends[number, WIDTH] > 0.0:
+                switches.signs[number], sides = 1.0 - 2.0 * (sides % 2), sides // 2
+        _compose(functions, t, x, part, params)
+        for i in range(out.shape[0]):
+            out[i] += switches.weight[0] * part[i]
+
+
+@inner
+def n_blends(functions):
+    """Return the number of switches of which f is a blend of both sides."""
+    blends, found = functions.switches.blends, 0
+    for number in range(blends.shape[0]):
+        found += int(blends[number, WIDTH] > 0.0)
+    return found
+
+
+@inner(allocates=True)
+def _compose(functions, t, x, out, params):
+    """Set out = f(t, x) on the present side of each switch."""
     maps = functions.maps
     n_maps = maps.sizes.shape[0] - 1
     if _are_outside(functions):
@@ -582,8 +626,17 @@ def _all_rows(functions, t, x):
 def _to_the_side(functions, t, x):
     """Move x (n,) to one side of each switch; return t, moved for switches of the time alone.
 
-    Beyond a switch f has the value of the nearest point on the side of the march.
+    Beyond a switch f has the value of the nearest point on the side of the march. The weight of
+    this side in blends is that of x before.
     """
+    switches, value = functions.switches, np.empty(1)
+    for number in range(switches.signs.shape[0] if n_blends(functions) > 0 else 0):
+        center, width = switches.blends[number, CENTER], switches.blends[number, WIDTH]
+        if width > 0.0:
+            switch = function_at(switches.functions[number])
+            switch(t + functions.start, x[: switches.n_read], value, functions.params[:0])
+            share = switches.signs[number] * (value[0] - center) / width
+            switches.weight[0] *= 0.5 * (1.0 + share)
     for number in range(functions.switches.signs.shape[0] - 1, -1, -1):
         t = _to_one_side(functions, number, t, x)
     return t

@@ -12,6 +12,7 @@ from .functions import (
     GIVEN,
     Functions,
     force_of,
+    n_blends,
     set_force,
     set_force_with,
     set_slopes,
@@ -96,7 +97,9 @@ def given_jacobian(force, t, y, units, out):
 
 @plug_in
 def composed_jacobian(force, t, y, units, out):
-    """Set `out` to the user's Jacobian and what stands around it; return 0."""
+    """Set `out` to the user's Jacobian and what stands around it; return calls of f."""
+    if n_blends(force.functions) > 0:
+        return differences_of(force, t, y, units, out)
     set_slopes(force.functions, t, y, out)
     return 0
 
@@ -113,6 +116,12 @@ def entries_jacobian(force, t, y, units, out):
 
 @plug_in
 def dense_jacobian(force, t, y, units, out):
+    """Set a dense Jacobian by central differences; return the number of calls of f."""
+    return differences_of(force, t, y, units, out)
+
+
+@inner(allocates=True)
+def differences_of(force, t, y, units, out):
     """Set a dense Jacobian by central differences; return the number of calls of f."""
     # one-sided where f is finite on one side of y only
     d, calls = y.shape[0], 2 * y.shape[0]

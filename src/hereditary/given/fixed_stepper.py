@@ -490,7 +490,7 @@ class FixedStepper(ResumableStepper, TangentStepper, JumpingStepper):
         """Keep the next IMEX step from extrapolating f across a jump (given/imex_step.py)."""
         self._march.counts["extrapolates"] = 0
 
-    def set_side(self, number: int, sign: float) -> None:
+    def set_side(self, number: int, sign: float, center: float = 0.0, width: float = 0.0) -> None:
         """Evaluate f on the side `sign` of a switch; f may jump."""
         self._marched.functions.switches.signs[number] = sign
 

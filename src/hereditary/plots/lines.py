@@ -29,7 +29,7 @@ _POINTS_BETWEEN_VALUES = 20
 def oscillogram(
     solution: Solution, ax: Axes | None = None, *, components: ArrayLike | None = None, **line: Any
 ) -> Axes:
-    """Draw the solution against time, one line for each component.
+    """Draw the solution against time, one line for each component; grey where it slides.
 
     Parameters
     ----------
@@ -305,6 +305,8 @@ def _against_time(
     which = chosen(components, solution.y.shape[1])
     with made(ax) as ax:
         lines = ax.plot(*curve(solution, which, (derivative,)), **line)
+        for _, begin, end in solution.stats.get("slides", ()):
+            ax.axvspan(begin, end, color="0.5", alpha=0.15, lw=0.0, zorder=0)
         if "label" in line:
             ax.legend()
         elif len(which) > 1:

@@ -391,9 +391,9 @@ class DelayedStepper(ResumableStepper, JumpingStepper):
         self._inner.set_y(y)
         self._jumped()
 
-    def set_side(self, number: int, sign: float) -> None:
+    def set_side(self, number: int, sign: float, center: float = 0.0, width: float = 0.0) -> None:
         """Evaluate the right-hand side on another side of a switch."""
-        self._inner.set_side(number, sign)
+        self._inner.set_side(number, sign, center, width)
         self._jumped()
 
     def _jumped(self) -> None:

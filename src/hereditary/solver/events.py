@@ -88,6 +88,7 @@ class Events:
         with np.errstate(all="ignore"):
             turns = (np.sign(a) == np.sign(v)) & (np.sign(b) == np.sign(v))
             turns &= (np.abs(v) < np.abs(a)) & (np.abs(v) < np.abs(b))
+        turns &= (times[:-2] < times[1:-1]) & (times[1:-1] < times[2:])
         for i in np.flatnonzero(turns)[::-1]:
             vertex, least = _vertex(times[i : i + 3], values[i : i + 3])
             if least * v[i] < 0.0:

@@ -15,7 +15,9 @@ and it is disarmed until its sign is certain. Where the motion is unknown, and f
 means beyond the errors that the tolerance allows. On given steps it means beyond the value at the
 step that acted.
 An event that turned back and leaves to the other side piles up. A switch slides if on either side
-the solution leaves to the other.
+the solution leaves to the other. By a tolerance f is then a linear blend of both sides, so that the
+solution stays on the switch. The side of arrival has all weight at first. The blend ends where one
+side has all weight again.
 """
 
 from __future__ import annotations
@@ -31,10 +33,12 @@ import numpy as np
 from ..compiled.functions import with_switches
 from ..equation.system import System
 from ..functions.assemble import switch_of
+from ..functions.reads import digest
 from ..stepping.scheme import Scheme
 from ..stepping.status import Ending, SolveWarning, Status
 from ..stepping.stepper import JumpingStepper, Stepper
 from ..stepping.times import ONE_TIME, together
+from ..stepping.tolerance import OF_SIZE
 from ..support.checks import real, refuse, shown
 from ..support.warning import warn
 from .events import Events, inner_event, value_of
@@ -70,6 +74,39 @@ _STEPS_AHEAD = 2.0 ** np.arange(-1, 6)
 # Rounding errors of y for which the sign of an event is uncertain, relative to |y|.
 _ROUNDING = 8 * np.finfo(float).eps
 
+# Half of the width of a blend of both sides, as a fraction of the error of the switch that the
+# tolerance allows; and for orders above 1, where y meets the switch with a speed, or below
+# `_LOW_ORDER`, where rounding of f is a larger part of y.
+_WIDTHS = 0.1, 0.4
+_LOW_ORDER = 0.7
+# Least width, relative to the terms of the switch: rounding of f is 3e-9 of its jump then.
+_LEAST_WIDTH = 3e-8
+# Share beyond one side at which a blend ends, as a multiple of sqrt(rtol), for each begin at one
+# time: errors lead back what is closer.
+_BEYOND = 0.03
+# Most blends that begin at one time.
+_MOST_RETURNS = 20
+# Most switches of which f is a blend at once: f is called for all sides of them.
+_MOST_BLENDS = 6
+
+
+class _Blend(NamedTuple):
+    """The function of a switch while f is a blend of its sides; it is 0 where the blend ends."""
+
+    function: Callable[[float, np.ndarray], float]  # of the switch
+    center: float
+    width: float
+    beyond: float
+    since: float  # time of its begin
+
+    def __call__(self, t: float, y: np.ndarray) -> float:
+        """Return a distance, positive as long as f is a blend."""
+        return (1.0 + self.beyond) * self.width - abs(value_of(self.function, t, y) - self.center)
+
+    def side(self, t: float, y: np.ndarray) -> float:
+        """Return the side of the switch to which the solution leaves."""
+        return math.copysign(1.0, value_of(self.function, t, y) - self.center)
+
 
 class Hybrid:
     """The interruptions of a run, and their effects; its `system` sees one side of each switch."""
@@ -86,16 +123,20 @@ class Hybrid:
                 refuse("events", required, repr(change), kind=TypeError)
         self._timed_changes = _timed_changes(changes, system.frame.start)
         self._switches = switches
+        self.slides: list[tuple[int, float, float]] = []  # switch, begin and end [time of the user]
+        self._ended: dict[int, tuple[float, int]] = {}  # time of the last end, and begins there
         self._times: list[list[float]] = [[] for _ in events]
         self.system = system
         if switches:
             self.system = one_sided(system, switches, scheme)
 
     def open(
-        self, stepper: JumpingStepper, t_end: float, breaks: np.ndarray, signs: dict[str, float]
-    ) -> Events:
+        self, stepper: JumpingStepper, t_end: float, breaks: np.ndarray, signs: dict[str, float],
+        rtol: float | None = None,
+    ) -> Events:  # fmt: skip
         """Return the `Events` of a run to t_end, whose stepper is at its start."""
-        # breaks (k,): times at which f jumps; signs: those of a state
+        # breaks (k,): times at which f jumps; signs: those of a state; rtol: None on given steps
+        self._rtol = rtol
         self._stepper, self._start, self._span = stepper, stepper.t, t_end - stepper.t
         self._longest, self._crowded = [0.0 for _ in self._functions], set[int]()
         origin = stepper.system.frame.start
@@ -139,9 +180,12 @@ class Hybrid:
         """Execute what is due now, in the module's order; return an `Ending` or None."""
         stepper, events, t = self._stepper, self._events, self._stepper.t
         fired, stuck, before = events.fired, events.stuck, stepper.y
-        if stuck in fired and stuck >= len(self._functions):
-            events.take_back(stuck)
-            return Ending(Status.SLIDING)
+        fresh = set[int]()
+        if stuck in fired and stuck >= len(self._functions) and stuck not in events.blends:
+            if why := self._blend(stuck):
+                events.take_back(stuck)
+                return Ending(Status.SLIDING, why)
+            fresh.add(stuck)
         if not stepper.on_given_steps and any(number < len(self._functions) for number in fired):
             # y where the zero was found, which a shorter last step may have missed by the tolerance
             apart = np.abs(events.row - before) > _ROUNDING * np.abs(before)
@@ -162,14 +206,66 @@ class Hybrid:
                     return failure
         if moved or fired:
             output.go_on(np.any(stepper.y != before))
+            self._end_blends(set(events.blends) - fresh)
             events.go_on(before, stepper)
             self._take_sides()
         return Ending(Status.EVENT_FAILED, events.failure) if events.failure else None
 
     def _take_sides(self) -> None:
         """Let the right-hand side be evaluated on the side of each switch where y is now."""
-        for number, side in enumerate(self._events.sides):
-            self._stepper.set_side(number, side)
+        for number, side in enumerate(self._events.sides, len(self._functions)):
+            blend = self._events.blends.get(number)
+            place = (blend.center, blend.width) if blend else (0.0, 0.0)
+            self._stepper.set_side(number - len(self._functions), side, *place)
+
+    def _blend(self, number: int) -> str:
+        """Let f be a blend of the sides of a switch from now on; return why it cannot, else ""."""
+        stepper, events, t, y = self._stepper, self._events, self._stepper.t, self._stepper.y
+        if self._rtol is None:
+            return "a run by rtol= follows it"
+        value = partial(value_of, events.function(number))
+        errors, units = stepper.uncertainty, stepper.system.units(self._span)[: y.size]
+        errors = np.where(errors > 0.0, errors, OF_SIZE * self._rtol * units)  # it starts at rest
+        allowed = 0.5 * _difference(value, t, y, Errors(0.0, errors))
+        terms = 0.5 * _difference(value, t, y, Errors(0.0, np.abs(y)))
+        orders = stepper.system.highest_orders()[: y.size]
+        share = _WIDTHS[int(orders.max() > 1.0 or orders.min() < _LOW_ORDER)]
+        width = max(share * allowed, _LEAST_WIDTH * terms)
+        if not 0.0 < 2.0 * width <= allowed:
+            return "rounding hides it at this tolerance; a larger rtol follows it"
+        if len(events.blends) == _MOST_BLENDS:
+            return f"and {_MOST_BLENDS} others"
+        ended, count = self._ended.get(number, (-1.0, 0))
+        count = count + 1 if together(t, ended, stepper.system.frame.start) else 0
+        if count > _MOST_RETURNS:
+            return "and leaves it again and again"
+        self._ended[number] = ended, count
+        side = events.sides[number - len(self._functions)]
+        center = value(t, y) - side * width
+        beyond = (1 + count) * _BEYOND * math.sqrt(self._rtol)
+        events.blends[number] = _Blend(events.function(number), center, width, beyond, t)
+        return ""
+
+    def _end_blends(self, numbers: set[int]) -> None:
+        """End those of these blends that the solution has left."""
+        t, y, events = self._stepper.t, self._stepper.y, self._events
+        for number in numbers:
+            blend = events.blends[number]
+            if number in events.fired or blend(t, y) < 0.0:
+                del events.blends[number]
+                events.left[number] = blend.side(t, y)
+                self._ended[number] = t, self._ended[number][1]
+                self._note(number, blend.since, t)
+
+    def _note(self, number: int, begin: float, end: float) -> None:
+        start = self._stepper.system.frame.start
+        self.slides.append((number - len(self._functions), begin + start, end + start))
+
+    def close(self) -> list[tuple[int, float, float]]:
+        """Return the slides of the run: switch, begin and end."""
+        for number, blend in self._events.blends.items():
+            self._note(number, blend.since, self._stepper.t)
+        return sorted(self.slides, key=lambda slide: slide[1])
 
     def _name(self, number: int) -> str:
         """Return the name of an event."""
@@ -259,6 +355,8 @@ class HybridEvents(Events):
         self.stuck: int | None = None  # a switch that slides, or an event that piles up
         self.step = 0.0  # length of the given step that ends at next_change [time]
         self.fired: dict[int, float] = {}  # acting where `look` ended, with signs after
+        self.blends: dict[int, _Blend] = {}  # switches of which f is a blend of both sides
+        self.left: dict[int, float] = {}  # sides of those whose blend ends now
         self._zeroed: set[int] = set()
         self._last: set[int] = set()
         self._disarmed: dict[int, Disarmed] = {}
@@ -271,12 +369,20 @@ class HybridEvents(Events):
         """Continue with components that were `before` (d,); disarm zeros here of uncertain sign."""
         t, y = stepper.t, stepper.y
         values, known, disarmed, self._again = [], [], {}, set()
+        self._functions = [self.function(number) for number in range(len(self._functions))]
+        for number, blend in self.blends.items():
+            self._functions[number] = blend
         for number, function in enumerate(self._functions):
             value = partial(value_of, function)
             then, now = self._seen(function, [t, t], [before, y]).tolist()
             sign = self._after[number] if now == then else 0.0
             kept = None if number in self._armed else self._disarmed.get(number)
-            if number in self.fired or number in self._zeroed:
+            if number in self.blends:
+                sign, kept = 1.0, None
+            elif number in self.left:
+                sign = self.left.pop(number)
+                kept = Disarmed(Errors(0.0, stepper.uncertainty), 0.0, sign)
+            elif number in self.fired or number in self._zeroed:
                 zero = _Zero(value, before, then, now, self._after[number])
                 find = self._behind_switch if number >= self.n_events else self._behind_event
                 sign, kept = find(number, zero, stepper)
@@ -446,6 +552,18 @@ class HybridEvents(Events):
         for number in self.fired:
             if number >= self.n_events:  # whose zero may lie at the end itself
                 self._after[number] = -self.sides[number - self.n_events]
+
+    def function(self, number: int) -> Callable:
+        """Return an event or a switch, also while f is a blend of its sides."""
+        function = self._functions[number]
+        return function.function if isinstance(function, _Blend) else function
+
+    def signs(self) -> dict[str, float]:
+        """Return the signs of functions as `Events` does, without those of blends."""
+        blends = self.blends
+        kept = [number for number in range(len(self._functions)) if number not in blends]
+        pairs = [(self._functions[number], self._after[number]) for number in kept]
+        return {digest(function): sign for function, sign in pairs if sign in (-1.0, 1.0)}
 
     def take_back(self, number: int) -> None:
         """Let the run find the last zero of a function again when it continues."""

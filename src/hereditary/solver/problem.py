@@ -66,10 +66,13 @@ class Problem:
         stepper.set_breaks(self.breaks, t_end)
         signs = {} if resume is None else resume.event_signs
         if hybrid:
-            found = hybrid.open(stepper, t_end, self.breaks, signs)
+            rtol = getattr(policy, "rtol", None)
+            found = hybrid.open(stepper, t_end, self.breaks, signs, rtol)
         else:
             found = Events(map(partial(inner_event, stepper), self.events), stepper, signs)
         output = Output(stepper, stop, kept, found)
         march = partial(hybrid.march, output) if hybrid else Drive.to
         solution = run(stepper, stop, self.t_end, output, progress, began, march, late)
+        if hybrid and self.switches:
+            solution.stats["slides"] = hybrid.close()
         return Outcome(solution, stepper, np.array(output.jumps))

@@ -58,6 +58,7 @@ class Solution:
         - jumps: times at which the right-hand side jumps, as `Collocation` found them; those that
           `breaks=` or `switches=` name are not among them. With given steps, those that the run to
           1e-4 found.
+        - slides: with `switches=`, the number of the switch, begin and end [time] of each slide.
         - error_estimate: with `Collocation`, ten times the largest estimated error of a step,
           relative to the size of y, and at least rtol / 10. It also contains what errors of the
           modes and rounding errors add up to if nothing damps them. With given steps, the largest

@@ -133,7 +133,8 @@ def solve(
         Functions ``switch(t, y)`` at whose changes of sign the right-hand side jumps. They are
         compiled, and their zeros are located as those of events. Steps restart there, and each step
         evaluates the right-hand side on one side of the jump only. If both sides push the solution
-        back, the run ends with the status `sliding`.
+        back, a run by `rtol` keeps it there, within the tolerance (docs/friction.md). A run on
+        given steps ends with the status `sliding`.
     changes : mapping of float to callable, optional
         ``{time: change}`` with functions ``change(t, y)`` that return a new y, such as doses, at
         times above t_start. A resumed run ignores times up to the state's. Times beyond t_end are

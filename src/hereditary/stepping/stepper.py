@@ -185,8 +185,8 @@ class JumpingStepper(Stepper):
         """Set y (d,) at the present time; the jump does not enter the memory."""
 
     @abstractmethod
-    def set_side(self, number: int, sign: float) -> None:
-        """Evaluate f on the side `sign`, 1 or -1, of a switch; f jumps."""
+    def set_side(self, number: int, sign: float, center: float = 0.0, width: float = 0.0) -> None:
+        """Evaluate f on the side `sign`, 1 or -1, of a switch, or as a blend if it has a width."""
 
     @property
     @abstractmethod
