@@ -130,7 +130,7 @@ def measure(quick):
                 "error": f"{apart:.2e}",
             }
         )
-    return rows
+    return sorted(rows, key=lambda row: (row["kind"], row["order"]))
 
 
 def claims(rows):

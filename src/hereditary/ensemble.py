@@ -10,6 +10,7 @@ from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import FIRST_COMPLETED, ProcessPoolExecutor, ThreadPoolExecutor, wait
 from dataclasses import dataclass, field
+from functools import partial
 from itertools import islice
 from typing import Any
 
@@ -58,12 +59,11 @@ _SAVED_ENSEMBLE = "be an ensemble that Ensemble.save wrote"
 _UNSTABLE = (Status.STEP_TOO_LARGE, Status.ZIGZAG)
 # Entries of `Ensemble.stats` that have one number for each member.
 _COUNTS = "n_steps", "n_rhs"
-# Members that are timed to choose the number of threads.
+# Members that are timed, on one thread and on each of all, to choose the number of threads: while
+# Python prepares a member, other threads wait.
 _TIMED_MEMBERS = 4
-# Least seconds per member for several threads. Python prepares each member for 0.15 ms, during
-# which other threads wait. 512 Riccati equations of 50 steps take 160 ms on one thread and 240 on
-# two. With ten times this value most ensembles would run on one core.
-_MIN_SECONDS_PER_MEMBER = 4e-4
+# Largest time of a member on all threads, over that on one, for which they are taken.
+_WORTH_THREADS = 0.8
 
 
 # Parts into which the members of each process are divided, so that all end at about the same time.
@@ -271,8 +271,8 @@ def ensemble(
     components : array_like of int, shape (k,), optional
         Keep only these components of y, in this order.
     threads : int, optional
-        By default as many as there are cores; one if members take less than 0.4 ms each, or if a
-        function is called in Python.
+        By default as many as there are cores, if the first members take less time so; else, or
+        if a function is called in Python, one.
     workers : int, optional
         Solve the members in so many processes instead, on Linux. They are copies of this one, so
         that any function is allowed. Results are the same to the last bit. Threads hardly help with
@@ -492,21 +492,20 @@ class _Run:
 
     def march(self, threads: int | None, progress: bool) -> None:
         """March all members, on several threads, until Ctrl-C."""
-        interruption, bar = self._interruption, ProgressBar(progress)
+        interruption, bar, left = self._interruption, ProgressBar(progress), self._members.size
         try:
             with interruption, ThreadPoolExecutor(threads or cores()) as pool:
                 work = self.worker()
                 work(1, bar)  # compiles what is needed
-                if threads is None:
-                    began = time.perf_counter()
-                    work(_TIMED_MEMBERS, bar)
-                    threads = (
-                        1
-                        if time.perf_counter() - began < _TIMED_MEMBERS * _MIN_SECONDS_PER_MEMBER
-                        else cores()
+                helpers = [self.worker() for _ in range(min(threads or cores(), left) - 1)]
+                if threads is None and helpers:
+                    alone, together = (
+                        self._timed(partial(work, _TIMED_MEMBERS, bar), pool, also)
+                        for also in ([], helpers)
                     )
-                n_others = min(threads, self._members.size) - 1
-                others = [pool.submit(self.worker()) for _ in range(n_others)]
+                    worth = together < _WORTH_THREADS * alone * (1 + len(helpers))
+                    helpers = helpers if worth else []
+                others = [pool.submit(helper) for helper in helpers]
                 try:
                     work(None, bar)
                 except BaseException:
@@ -517,6 +516,15 @@ class _Run:
                 interruption.heeded |= next(self._left, None) is not None
         finally:
             bar.close()
+
+    def _timed(self, work: Callable, pool: ThreadPoolExecutor, helpers: list[Callable]) -> float:
+        """Return the seconds in which this thread and helpers solve `_TIMED_MEMBERS` each."""
+        began = time.perf_counter()
+        others = [pool.submit(helper, _TIMED_MEMBERS) for helper in helpers]
+        work()
+        for other in others:
+            other.result()
+        return time.perf_counter() - began
 
     def march_in_processes(self, workers: int, progress: bool) -> None:
         """March all members, in processes that are copies of this one, until Ctrl-C."""

@@ -215,8 +215,12 @@ def _visible_step(right: RightSide, y0: np.ndarray, c: int, step: float) -> floa
     """Return a step of component c near a first one that changes f clearly, or 0."""
     # the step changes f proportionally too
     force, found, shrunk = _moved(right, y0), 0.0, False
-    for _ in range(_MOST_TRIALS if 0 < step < np.inf else 0):
+    for trial in range(_MOST_TRIALS if 0 < step < np.inf else 0):
         change, twice = (_moved(right, y0, c, by) - force for by in (step, 2 * step))
+        if trial == 0 and not change.any():  # perhaps f does not read the component at all
+            farthest = step * _TRIAL_STEP_RATIO ** (_MOST_TRIALS - 1)
+            if not (_moved(right, y0, c, farthest) - force).any():
+                return step
         linear = np.abs(twice - 2 * change) <= 0.1 * np.abs(twice) + 1e-13 * np.abs(force)
         # test row c of f if component c occurs there: other rows may contain its square only
         if not (linear[c] if change[c] else linear.all()):
