@@ -44,7 +44,7 @@ COMPILED = {
 KINDS = FEW if config.DISABLE_JIT else FEW | COMPILED
 
 
-@pytest.fixture(autouse=True)
+@pytest.fixture(autouse=True, scope="module")
 def _frozen():
     """Let collections pass over the objects of earlier tests, which are millions in a whole run."""
     gc.collect()
