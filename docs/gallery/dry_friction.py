@@ -26,7 +26,7 @@ def relative_speed(t, y):
 
 
 # %%
-# The block sticks in the grey spans, which `sol.stats["slides"]` lists.
+# The block sticks in the grey spans, which ``sol.stats["slides"]`` lists.
 
 plt.style.use(hd.plots.STYLE)
 fig, axes = plt.subplots(2, 1, figsize=(8, 4.4), sharex=True, layout="constrained")
