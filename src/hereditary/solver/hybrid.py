@@ -24,7 +24,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any, NamedTuple
 
@@ -90,7 +90,8 @@ _MOST_RETURNS = 20
 _MOST_BLENDS = 6
 
 
-class _Blend(NamedTuple):
+@dataclass(frozen=True)
+class _Blend:
     """The function of a switch while f is a blend of its sides; it is 0 where the blend ends."""
 
     function: Callable[[float, np.ndarray], float]  # of the switch
