@@ -23,8 +23,7 @@ writes this page from `convergence/results/claims.csv`.
 """
 SECTIONS = {
     "Accuracy and orders": "orders explicit_order graded_meshes imex riemann_liouville memory_terms"
-    " varying_orders stability published_rules models derivatives delays"
-    " sliding",
+    " varying_orders stability published_rules models derivatives delays sliding",
     "Steps chosen by a tolerance": "collocation undamped coincidences work_precision peers"
     " campaign solve_ivp",
     "Errors of given steps": "estimates",

@@ -271,8 +271,8 @@ def ensemble(
     components : array_like of int, shape (k,), optional
         Keep only these components of y, in this order.
     threads : int, optional
-        By default as many as there are cores, if the first members take less time so; else, or
-        if a function is called in Python, one.
+        By default as many as there are cores, if the first members take less time so. Else it is
+        one, and if a function is called in Python.
     workers : int, optional
         Solve the members in so many processes instead, on Linux. They are copies of this one, so
         that any function is allowed. Results are the same to the last bit. Threads hardly help with
