@@ -1,4 +1,4 @@
-"""Sliding along switches: runs to two tolerances agree, and a stick-slip block is that of pieces.
+"""Sliding along switches: runs to two tolerances agree on drawn friction, relays and controllers.
 
 Drawn are blocks on a belt with friction that weakens, alone and in pairs, and Coulomb friction with
 a force. Besides there are relays of orders below and above 1, and controllers on a surface. Orders
