@@ -65,6 +65,26 @@ def test_short_steps_call_f_twice(scheme):
     assert 2 * n <= sol.stats["n_rhs"] <= 2.1 * n
 
 
+@pytest.mark.parametrize("order", [0.8, 1.0])
+@pytest.mark.parametrize("named", [True, False])
+def test_a_kept_jacobian_does_not_outlast_a_jump(order, named):
+    """Stiff up to t = 1, with entries of -1e8: later changes by that Jacobian are tiny."""
+
+    def stiff_at_first(t, y):
+        out = -y.copy()
+        out[0] = -1e8 * (y[0] - 1) if t < 1 else 3 - 0.5 * y[0]
+        return out
+
+    few, many = (
+        hd.solve(
+            hd.Equation(hd.Caputo(order), stiff_at_first, np.ones(d)), 3.0, rtol=1e-6,
+            breaks=[1.0] if named or d == 5 else (),
+        )
+        for d in (5, 10)
+    )  # fmt: skip
+    assert many.y[-1, 0] == pytest.approx(few.y[-1, 0], rel=1e-5)
+
+
 def test_kept_jacobians_leave_no_error_that_adds_up():
     """Errors of increments are kicks, which steps of order above 1 add up twice."""
 

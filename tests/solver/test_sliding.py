@@ -1,5 +1,7 @@
 """Sliding along switches: the right-hand side is a blend of both sides there."""
 
+import warnings
+
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
@@ -185,3 +187,36 @@ def test_a_slide_goes_on_from_a_state_and_ends_by_a_change():
         equation, 12.0, rtol=1e-7, switches=slips, changes={2.0: lambda t, y: y - [0.0, 0.5]}
     )
     assert kicked.stats["slides"][0] == pytest.approx((0, 0.0, 2.0), abs=1e-9)
+
+
+def test_two_surfaces_that_meet_end_as_sliding_or_stay():
+    """The twisting controller reaches 0 at t = 3.95."""
+
+    def twisted(t, y):
+        return np.array([y[1], -2 * np.sign(y[0]) - 1.2 * np.sign(y[1])])
+
+    switches = [lambda t, y: y[0], lambda t, y: y[1]]
+    equation = hd.Equation(C(1), twisted, [1.0, 0.0])
+    for rtol in (1e-3, 1e-5, 1e-7):
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", hd.SolveWarning)
+            sol = hd.solve(equation, 20.0, rtol=rtol, switches=switches)
+        assert sol.status in (hd.Status.COMPLETED, hd.Status.SLIDING)
+        assert sol.t[-1] > 3.9
+        assert np.abs(sol.y[-1]).max() < 100 * rtol
+
+
+def test_a_block_among_ten_components_sticks_and_slips_as_alone():
+    def among(t, y):
+        relative, out = BELT - y[1], -y.copy()
+        out[0] = y[1]
+        out[1] = -y[0] + np.sign(relative) / (1 + 1.5 * abs(relative))
+        return out
+
+    alone = hd.Equation(C(1), block, [0.0, BELT], params=[1.5])
+    one = completed(alone, 30.0, rtol=1e-6, switches=slips)
+    ten = completed(hd.Equation(C(1), among, BELT * np.eye(10)[1]), 30.0, switches=slips)
+    assert np.abs(ten.y[-1, :2] - one.y[-1]).max() < 5e-6
+    assert one.check().largest.max() < 2e-5
+    band = hd.Equation(C(1), among, BELT * np.eye(10)[1], bandwidth=(1, 1))
+    warned("followed without bandwidth=", band, 5.0, rtol=1e-6, switches=slips)

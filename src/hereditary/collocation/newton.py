@@ -249,8 +249,10 @@ def solve_stages(m, h):
         answer = verdict(size, previous, rate, sweep, fresh)
         if answer == ACCEPT:
             correct_forces(jacobians, before, x, f, workspace.moved)
-            if sweep > 0 or holds_at_end(m, x, f):
+            if (sweep > 0 and fresh) or holds_at_end(m, x, f):
                 return True
+            if sweep > 0:  # changes by a Jacobian from before a jump may be small for ever
+                control[KEPT] = 0.0
         elif answer != ITERATE:
             control[KEPT] = 0.0
         if answer == FAIL:

@@ -37,6 +37,8 @@ from .solution import Solution
 _RTOL = 1e-4
 # Default tolerance of the accurate run of `check`, for runs on given steps.
 _CHECK_RTOL = 1e-6
+# Least default tolerance of it for runs that slide along switches.
+_SLIDING_FLOOR = 1e-7
 # A run by a tolerance is checked with this fraction of the tolerance.
 _TIGHTER = 1e-2
 # Number of steps that every accurate run of an estimate may take.
@@ -268,7 +270,8 @@ class Provenance:
         scheme, others = Collocation(), dict[str, Any]()
         if isinstance(self.scheme, Collocation):
             own = cast(State, solution.state).how
-            rtol = max(_TIGHTER * own.rtol, TOLERANCE_FLOOR) if rtol is None else rtol
+            floor = _SLIDING_FLOOR if solution.stats.get("slides") else TOLERANCE_FLOOR
+            rtol = max(_TIGHTER * own.rtol, floor) if rtol is None else rtol
             nodes = self.scheme.nodes
             scheme = Collocation(nodes + 2 if nodes <= 10 else nodes - 2)
             atol = None if own.atol is None else np.asarray(own.atol) * rtol / own.rtol

@@ -23,6 +23,7 @@ side has all weight again.
 from __future__ import annotations
 
 import math
+from collections import deque
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
@@ -86,6 +87,9 @@ _LEAST_WIDTH = 3e-8
 _BEYOND = 0.03
 # Most blends that begin at one time.
 _MOST_RETURNS = 20
+# Blends that are too many if they begin within the fraction `_SLIDES_WITHIN` of the run.
+_MANY_SLIDES = 100
+_SLIDES_WITHIN = 0.02
 # Most switches of which f is a blend at once: f is called for all sides of them.
 _MOST_BLENDS = 6
 
@@ -125,6 +129,7 @@ class Hybrid:
         self._timed_changes = _timed_changes(changes, system.frame.start)
         self._switches = switches
         self.slides: list[tuple[int, float, float]] = []  # switch, begin and end [time of the user]
+        self._begins: deque[float] = deque(maxlen=_MANY_SLIDES)  # times of the last
         self._ended: dict[int, tuple[float, int]] = {}  # time of the last end, and begins there
         self._times: list[list[float]] = [[] for _ in events]
         self.system = system
@@ -224,6 +229,8 @@ class Hybrid:
         stepper, events, t, y = self._stepper, self._events, self._stepper.t, self._stepper.y
         if self._rtol is None:
             return "a run by rtol= follows it"
+        if stepper.system.structure is not None or stepper.system.has_algebraic:
+            return "it is followed without bandwidth=, jac_sparsity= and algebraic rows"
         value = partial(value_of, events.function(number))
         errors, units = stepper.uncertainty, stepper.system.units(self._span)[: y.size]
         errors = np.where(errors > 0.0, errors, OF_SIZE * self._rtol * units)  # it starts at rest
@@ -241,6 +248,9 @@ class Hybrid:
         if count > _MOST_RETURNS:
             return "and leaves it again and again"
         self._ended[number] = ended, count
+        self._begins.append(t)
+        if t - self._begins[0] < _SLIDES_WITHIN * self._span and len(self._begins) == _MANY_SLIDES:
+            return "and leaves it again and again"
         side = events.sides[number - len(self._functions)]
         center = value(t, y) - side * width
         beyond = (1 + count) * _BEYOND * math.sqrt(self._rtol)
@@ -383,6 +393,9 @@ class HybridEvents(Events):
             elif number in self.left:
                 sign = self.left.pop(number)
                 kept = Disarmed(Errors(0.0, stepper.uncertainty), 0.0, sign)
+            elif number >= self.n_events and kept and number not in self.fired:
+                if kept.hides(value, t, y, now):
+                    sign = self.sides[number - self.n_events]
             elif number in self.fired or number in self._zeroed:
                 zero = _Zero(value, before, then, now, self._after[number])
                 find = self._behind_switch if number >= self.n_events else self._behind_event
