@@ -37,7 +37,7 @@ def test_files_and_functions_are_small():
 BUDGETS = {
     "collocation": 5238,
     "given": 3630,
-    "solver": 2611,
+    "solver": 2610,
     "analysis": 2356,
     "compiled": 2106,
     "top": 1732,

@@ -34,7 +34,6 @@ import numpy as np
 from ..compiled.functions import with_switches
 from ..equation.system import System
 from ..functions.assemble import switch_of
-from ..functions.reads import digest
 from ..stepping.scheme import Scheme
 from ..stepping.status import Ending, SolveWarning, Status
 from ..stepping.stepper import JumpingStepper, Stepper
@@ -128,7 +127,7 @@ class Hybrid:
                 refuse("events", required, repr(change), kind=TypeError)
         self._timed_changes = _timed_changes(changes, system.frame.start)
         self._switches = switches
-        self.slides: list[tuple[int, float, float]] = []  # switch, begin and end [time of the user]
+        self._slides: list[tuple[int, float, float]] = []  # switch, begin, end [time]
         self._begins: deque[float] = deque(maxlen=_MANY_SLIDES)  # times of the last
         self._ended: dict[int, tuple[float, int]] = {}  # time of the last end, and begins there
         self._times: list[list[float]] = [[] for _ in events]
@@ -270,13 +269,13 @@ class Hybrid:
 
     def _note(self, number: int, begin: float, end: float) -> None:
         start = self._stepper.system.frame.start
-        self.slides.append((number - len(self._functions), begin + start, end + start))
+        self._slides.append((number - len(self._functions), begin + start, end + start))
 
     def close(self) -> list[tuple[int, float, float]]:
         """Return the slides of the run: switch, begin and end."""
         for number, blend in self._events.blends.items():
             self._note(number, blend.since, self._stepper.t)
-        return sorted(self.slides, key=lambda slide: slide[1])
+        return sorted(self._slides, key=lambda slide: slide[1])
 
     def _name(self, number: int) -> str:
         """Return the name of an event."""
@@ -574,10 +573,9 @@ class HybridEvents(Events):
 
     def signs(self) -> dict[str, float]:
         """Return the signs of functions as `Events` does, without those of blends."""
-        blends = self.blends
-        kept = [number for number in range(len(self._functions)) if number not in blends]
-        pairs = [(self._functions[number], self._after[number]) for number in kept]
-        return {digest(function): sign for function, sign in pairs if sign in (-1.0, 1.0)}
+        for number in self.blends:
+            self._after[number] = 0.0
+        return super().signs()
 
     def take_back(self, number: int) -> None:
         """Let the run find the last zero of a function again when it continues."""

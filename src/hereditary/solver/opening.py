@@ -70,7 +70,8 @@ def _open_delayed(
     inner, last = open_stepper(system, scheme, history, policy, t_end, own, allow_change)
     rtol = policy.rtol if isinstance(policy, Tolerance) else None
     stepper = DelayedStepper(inner, delays, t_end, rtol)
-    if rtol is None and state is None:  # corrections of first steps read the past
+    moving = any(callable(delay.past.delay.past) for delay in delays)
+    if rtol is None and state is None and moving:  # corrections of first steps read the past
         system = replace(system, functions=system.functions._replace(delays=stepper.pieces))
         inner, last = open_stepper(system, scheme, history, policy, t_end)
         stepper = DelayedStepper(inner, delays, t_end)
