@@ -9,6 +9,7 @@ import time
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import FIRST_COMPLETED, ProcessPoolExecutor, ThreadPoolExecutor, wait
+from contextlib import suppress
 from dataclasses import dataclass, field
 from functools import partial
 from itertools import islice
@@ -17,13 +18,16 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from .collocation.members import AT_END, MemberRows
+from .compiled.records import zeros
 from .equation.equation import Equation, current_equation
+from .equation.system import displaced
 from .given.history.history import History
 from .given.opening import open_members
 from .given.steps import UniformSteps, kept_steps
 from .solver.accuracy import no_estimates
 from .solver.elsewhere import lacking
-from .solver.opening import how_to_step
+from .solver.opening import how_to_step, open_stepper
 from .solver.output import room_for
 from .solver.progress import Interruption, ProgressBar
 from .solver.run import Drive, reached_end, report
@@ -61,7 +65,9 @@ _UNSTABLE = (Status.STEP_TOO_LARGE, Status.ZIGZAG)
 _COUNTS = "n_steps", "n_rhs"
 # Members that are timed, on one thread and on each of all, to choose the number of threads: while
 # Python prepares a member, other threads wait.
-_TIMED_MEMBERS = 4
+_TIMED_MEMBERS = 8
+# Members that are marched at once in compiled code, between two looks for Ctrl-C.
+_MEMBERS_AT_ONCE = 16
 # Largest time of a member on all threads, over that on one, for which they are taken.
 _WORTH_THREADS = 0.8
 
@@ -242,10 +248,16 @@ def ensemble(
     """Solve one equation for many parameters or initial values, on all cores.
 
     Every member has the solution of `solve`. With uniform steps it is equal to the last bit, with
-    BDF(3) to BDF(6) to rounding. Uniform steps need weights, modes and stability limits only once,
-    and each thread solves one member after the other. With events, switches or changes each member
-    is a run of its own. With a `t_start` other than 0 its rows are then equal to rounding. Use
-    `sweep` for equations that differ in anything else, such as their orders.
+    BDF(3) to BDF(6) to rounding. With rtol it is equal to rounding, or to a thousandth of rtol if a
+    component begins at 0. Weights, modes and stability limits are computed once, and each thread
+    solves one member after the other in compiled code. With events, switches or changes each member
+    is a run of its own. So it is with rtol, if
+
+    - f is called in Python, or reads memory or delays;
+    - orders vary, or are below 0.12, or some exceed 1 and others do not;
+    - there are breaks, general kernels, algebraic components, or more than nine real ones.
+
+    Use `sweep` for equations that differ in anything else, such as their orders.
 
     Parameters
     ----------
@@ -275,8 +287,8 @@ def ensemble(
         one, and if a function is called in Python.
     workers : int, optional
         Solve the members in so many processes instead, on Linux. They are copies of this one, so
-        that any function is allowed. Results are the same to the last bit. Threads hardly help with
-        rtol, events, switches or changes, nor if a function is called in Python.
+        that any function is allowed. Results are the same to the last bit. Threads hardly help
+        where each member is a run of its own.
     progress : bool, optional
         Show a progress bar, on a terminal only.
 
@@ -299,9 +311,9 @@ def ensemble(
     Cost
     ----
     Uniform steps take 0.1 to 0.5 microseconds each for one component, and a member 0.1 to 0.2
-    milliseconds more, which threads hardly reduce (convergence/ensembles.py). With rtol, events,
-    switches or changes, and if a function is called in Python, each member costs as much as
-    `solve`.
+    milliseconds more, which threads hardly reduce. With rtol a member takes a quarter of the time
+    of `solve`, if it is short (convergence/ensembles.py). A member that is a run of its own costs
+    as much as `solve`.
 
     Examples
     --------
@@ -587,16 +599,55 @@ class _Run:
             def one(m: int) -> None:
                 self._march(stepper, end, m)
 
+        several = self._by_tolerance() or partial(_one_by_one, one)
+
         def work(most: int | None = None, bar: Any = None) -> None:
-            for m in islice(self._left, most):
-                one(m)
-                self._done += 1
+            left = islice(self._left, most)
+            while chosen := list(islice(left, _MEMBERS_AT_ONCE)):
+                several(chosen)
+                self._done += len(chosen)
                 if bar is not None:
                     bar.update(self._done / self._members.size)
                 if self._interruption.asked:
                     return
 
         return work
+
+    def _by_tolerance(self) -> Callable | None:
+        """Return a function that marches several members in compiled code, or None."""
+        given, base, members = self._arguments, self._members.base, self._members
+        frame, start, size = base.system.frame, base.t_start, _MEMBERS_AT_ONCE
+        others = given["events"], given["switches"], any(self._changes), np.size(given["breaks"])
+        if self._kept is not None or any(others) or frame.speeds:
+            return None
+        first = displaced(base.system, members.inside[0], members.params[0])
+        how = given["scheme"], given["history"], self._steps, self._t_end - start
+        try:
+            stepper, _ = open_stepper(first, *how)
+        except ValueError:  # `solve` tells of it
+            return None
+        m, d = members.inside.shape[1:]
+        sizes = {"E": size, "p": members.params.shape[1], "m": m, "d": d, "d_s": d * (m - 1)}
+        rows = zeros(MemberRows, n_t=self._times.size, **sizes)
+        rows = rows._replace(times=self._times - start)
+        march = stepper.members(rows)
+
+        def several(chosen: list[int]) -> None:
+            n, rows.statuses[:] = len(chosen), 0
+            rows.params[:n], rows.y0[:n] = members.params[chosen], members.inside[chosen]
+            with suppress(Exception):  # of a right-hand side: `solve` tells of it
+                march(n)
+            ends = zip(chosen, rows.statuses, rows.counts.tolist(), strict=False)
+            for k, (m, status, counts) in enumerate(ends):
+                if status != AT_END:
+                    self._solve(m)
+                    continue
+                self._y[m] = frame.values(rows.y[k])[:, self._chosen]
+                if base.m == 2:
+                    self._ydot[m] = frame.slopes(rows.y[k], rows.ydot[k])[:, self._chosen]
+                self._ends[m] = Status.COMPLETED, "", *counts
+
+        return march and several
 
     def _march(self, stepper: Any, end: float, m: int) -> None:
         """March member m to step `end`, by a stepper that several members use."""
@@ -680,6 +731,12 @@ class _Run:
             y_events=[rows for _, rows in self._events] if self._arguments["events"] else [],
             components=self._arguments["components"],
         )
+
+
+def _one_by_one(solve: Callable[[int], None], chosen: list[int]) -> None:
+    """Solve the chosen members."""
+    for m in chosen:
+        solve(m)
 
 
 def _adopt(run: _Run) -> None:

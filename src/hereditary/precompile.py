@@ -101,6 +101,7 @@ def _by_tolerance() -> list[Callable[[], Any]]:
         *runs,
         partial(hd.solve, one, 1.0, rtol=1e-4, switches=[_beyond]),
         partial(hd.solve, late, 1.0, rtol=1e-4, events=[_late]),
+        partial(hd.ensemble, one, 1.0, rtol=1e-4, y0=[1.0, 2.0]),
         partial(hd.lyapunov, one, 1.0, rtol=1e-4),
         partial(hd.frequency_response, swing, [1.0]),
     ]

@@ -1,4 +1,7 @@
-"""Ensembles: every member is the run that `solve` makes of it, bit for bit on given steps."""
+"""Ensembles: every member is the run that `solve` makes of it, bit for bit on given steps.
+
+By a tolerance it is so to rounding, or a thousandth of the tolerance.
+"""
 
 import os
 import signal
@@ -35,14 +38,16 @@ def alone(equation, tables, m, t_end, *arguments, **how):
     return hd.solve(equation.replace(**changed), t_end, *arguments, **how)
 
 
-def assert_equal(found, m, sol):
+def assert_equal(found, m, sol, rounding=0.0):
     n = len(sol.y)
     assert np.array_equal(found.t[:n], sol.t)
-    assert np.array_equal(found.y[m, :n], sol.y)
     assert np.all(np.isnan(found.y[m, n:]))
     assert (found.ydot is None) == (sol.ydot is None)
-    if sol.ydot is not None:
-        assert np.array_equal(found.ydot[m, :n], sol.ydot, equal_nan=True)
+    for own, theirs in ((found.y, sol.y), (found.ydot, sol.ydot)):
+        if theirs is not None:
+            sizes = rounding * np.nan_to_num(np.abs(theirs)).max(axis=0)
+            assert np.array_equal(np.isnan(own[m, :n]), np.isnan(theirs))
+            assert not np.any(np.abs(own[m, :n] - theirs) > sizes)
     assert found.status[m] == sol.status
     assert found.messages.get(m, hd.Status.COMPLETED.sentence) == sol.message
     assert found.stats["n_rhs"][m] == sol.stats["n_rhs"]
@@ -129,11 +134,107 @@ def test_members_take_what_single_runs_take(ability, way):
     for m in range(3):
         own = given if each is None else {"changes": each[m]}
         sol = alone(ABSORBED, tables, m, 2.0, **how | own | {"t_eval": found.t})
-        assert_equal(found, m, sol)
+        assert_equal(found, m, sol, 1e-12 if "rtol" in how else 0.0)
         if "n_steps" in how:  # each row of the run itself; a change has one before it and one after
             run = alone(ABSORBED, tables, m, 2.0, **how, **own)
             after = np.append(np.diff(run.t) > 0, True) & np.isin(run.t, found.t)
             assert np.array_equal(found.y[m, : after.sum()], run.y[after])
+
+
+def swing(t, x, p):
+    return [p[0] * np.cos(p[1] * t) - x[0] ** 3]
+
+
+def oscillator(t, y, p):
+    return [y[1], p[0] * (1 - y[0] ** 2) * y[1] - p[1] * y[0]]
+
+
+def attractor(t, y, p):
+    return [10 * (y[1] - y[0]), y[0] * (p[0] - y[2]) - y[1], y[0] * y[1] - p[1] * y[2]]
+
+
+def growth(t, y, p):
+    return [p[0] * y[0] ** p[1]]
+
+
+def tank(t, y, p):
+    return [p[0] - p[1] * np.sqrt(max(y[0], 0.0))]
+
+
+def reached(t, y, p):
+    return [p[0] - y[0], y[0] ** 2 / p[0] - p[1] * y[1]]
+
+
+SWINGING = hd.Caputo(1.8) + 0.3 * hd.Caputo(0.7)
+# Equations of two parameters: initial values, ends, and parameters of five members.
+RATES = [[0.7, 1.3], [1.0, 0.9], [1.4, 1.0], [0.5, 2.0], [3.0, 1.0]]
+MARCHED = {
+    "orders above 1": (hd.Equation(SWINGING, swing, [1.0, 0.3], RATES[0]), 20.0, RATES),
+    "at rest, later start": (
+        hd.Equation(
+            hd.Caputo(2.0) + 0.2 * hd.Caputo(0.5), swing, [0.0, 0.0], RATES[0], t_start=3.0
+        ),
+        23.0,
+        [*RATES, [0.0, 1.0]],
+    ),
+    "orders that differ": (
+        hd.Equation(hd.Caputo([0.6, 0.95]), oscillator, [2.0, 0.0], RATES[0]),
+        10.0,
+        RATES,
+    ),
+    "complex": (
+        hd.Equation(
+            hd.Caputo(1.7), lambda t, y, p: (-p[0] + 1j * p[1]) * y, [[0.5 + 1j], [0j]], RATES[0]
+        ),
+        2.0,
+        RATES,
+    ),
+    "no memory": (hd.Equation(hd.Caputo(1.0), oscillator, [2.0, 0.0], RATES[0]), 20.0, RATES),
+    "many batches": (
+        hd.Equation(hd.Caputo(0.99), attractor, np.ones(3), [28.0, 2.6]),
+        12.0,
+        [[28.0, 2.6], [20.0, 2.6]],
+    ),
+    "blow-up": (
+        hd.Equation(hd.Caputo(0.8), growth, 1.0, [1.0, 2.0]),
+        1.0,
+        [[0.1, 2.0], [3.0, 2.0], [0.3, 1.0], [30.0, 3.0]],
+    ),
+    "an edge": (hd.Equation(hd.Caputo(0.7), tank, 0.0, RATES[0]), 2.0, [*RATES, [0.0, 1.0]]),
+    "far units": (
+        hd.Equation(hd.Caputo(0.8), reached, [0.0, 0.0], RATES[0]),
+        8.0,
+        [[1e-9, 1.0], [1.0, 0.1], [1e9, 1.0]],
+    ),
+    "stiff": (
+        hd.Equation(hd.Caputo(0.5), lambda t, y, p: p[1] - p[0] * y, 0.0, RATES[0]),
+        10.0,
+        [[1e-3, 1.0], [1.0, 1.0], [1e6, 1.0]],
+    ),
+}
+
+
+# Components that begin at 0 have the units that the first member gives them, in their first
+# difference quotients.
+UNITS_OF_FIRST = {"far units", "stiff"}
+
+
+@pytest.mark.filterwarnings("ignore::hereditary.SolveWarning")
+@pytest.mark.parametrize("name", MARCHED)
+def test_members_by_a_tolerance_are_the_runs_by_themselves(name):
+    equation, t_end, params = MARCHED[name]
+    times = np.linspace(equation.t_start, t_end, 7)
+    how = {"rtol": 1e-6, "t_eval": times}
+    found = hd.ensemble(equation, t_end, params=params, threads=1, **how)
+    assert_same_members(found, hd.ensemble(equation, t_end, params=params, threads=3, **how))
+    again = hd.ensemble(equation, t_end, params=params[::-1], threads=1, **how)
+    for m in range(len(params)):
+        sol = alone(equation, {"params": params}, m, t_end, estimate=False, **how)
+        if name in UNITS_OF_FIRST:
+            assert np.all(np.abs(found.y[m] - sol.y) <= 1e-9 * np.abs(sol.y).max(axis=0))
+        else:
+            assert_equal(found, m, sol, 1e-12)
+            assert np.array_equal(found.y[m], again.y[-1 - m], equal_nan=True)
 
 
 def test_members_that_an_event_ends_are_successful_and_have_their_times():

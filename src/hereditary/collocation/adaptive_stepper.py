@@ -8,6 +8,8 @@ from __future__ import annotations
 
 import copy
 import math
+from collections.abc import Callable
+from functools import partial
 from operator import attrgetter
 from typing import Any
 
@@ -29,7 +31,7 @@ from ..stepping.times import breaks_ahead, together
 from ..stepping.tolerance import Tolerance
 from ..support.checks import refuse
 from .algebraic import became_singular, settle_tangents, settled
-from .edge import begins_at_edge
+from .edge import edge_at
 from .endings import (
     NO_SLOPE_AT_START,
     OUTSIDE,
@@ -61,18 +63,21 @@ from .march import (
     march_adaptive,
     march_of,
 )
+from .members import MemberRows, Members
 from .method import Collocation
 from .mode_tables import N_TABLE_LENGTHS, floor_to_grid, spare_tables
+from .modes import closest_lag
 from .operators import FORCE, PRIMARY
 from .orbit import OrbitAndTangents, initial_unknowns
 from .pieces import FirstPiece, PolynomialPieces
 from .quadrature import rule_of
 from .reading import Plain, Reading, is_read
-from .singular_start import VANISHING, trials
+from .singular_start import VANISHING, is_usual, order_of, trials
 from .stage_solver import StageSolver, has_stages, stage_solver
 from .step_limits import Progress, limits_of
 from .structures import (
     AT_EDGE,
+    AdaptiveMarch,
     AdaptiveWork,
     ExponentialBasis,
     FirstJacobian,
@@ -86,16 +91,13 @@ from .structures import (
 )
 from .tolerances import STEP_FRACTION, of_first_step, of_modes, undamped
 from .varying import OrderTables
-from .workspace import give_back, take_workspace
+from .workspace import Workspace, give_back, take_workspace
 
 # Longest first step of a solution at rest, as a fraction of the longest step at rest: the nodes of
 # first steps are further apart.
 _FIRST_AT_REST = 1 / 16
 
 
-# Modes are fitted for steps this many times shorter than the present one, and so is each
-# refinement.
-_REFINE_BY = 32.0
 # Latest time up to which a run may be resumed, as multiple of the first run's length.
 _REACH = 10.0
 # Largest ratio of the farthest to the closest distance of the modes.
@@ -233,7 +235,7 @@ class AdaptiveStepper(ResumableStepper, TangentStepper, JumpingStepper):
             if status == TOO_CLOSE:
                 # the march returned before the step that lacks closer modes
                 h = min(float(self._control["next"]), t_stop - self.t)
-                closest = self._closest(self._within_delays(h))
+                closest = closest_lag(self._rule, self._within_delays(h))
                 if closest < self._farthest / _LARGEST_RATIO:
                     status = TOO_ROUGH
                 else:
@@ -321,10 +323,6 @@ class AdaptiveStepper(ResumableStepper, TangentStepper, JumpingStepper):
         pieces, t = self._marched.functions.delays, self.t
         return float(within_delays(pieces, t, min(h, next_end(pieces, t) - t)))
 
-    def _closest(self, h: float) -> float:
-        """Return the shortest time lag of the modes for steps of length h and shorter ones."""
-        return self._rule.nodes[0] * h / _REFINE_BY
-
     def _limits(self, t_stop: float) -> Limits:
         """Return the `Limits` of a march from the origin to `t_stop`."""
         beside, origin = self._marched.beside, self._control["origin"]
@@ -357,23 +355,30 @@ class AdaptiveStepper(ResumableStepper, TangentStepper, JumpingStepper):
     ) -> int:
         """March a system by any rule in compiled code, filling `steps`; return the status code."""
         # solver None: one that has no factors yet is taken
-        orbit = self._orbit
-        equations, offsets = orbit.equations(marched, *self._bounds)
-        varying = self._orders.compiled(orbit.of_varying)
-        taken = _, (own, operators, weights, workspace) = take_workspace(
-            self._form, arrays.modes, arrays.last.shape[3], offsets, solver
-        )
+        offsets = self._orbit.equations(marched, *self._bounds)[1]
+        taken = take_workspace(self._form, arrays.modes, arrays.last.shape[3], offsets, solver)
+        march = self._marching(marched, steps, limits, rule, basis, tables, arrays, taken[1])
         try:
-            _, status = march_adaptive(march_of(AdaptiveWork(
-                marched.compiled, equations, rule, basis, tables, varying, arrays,
-                self._state, steps, limits, own.solver, own.stages, operators, weights, workspace,
-            )))  # fmt: skip
+            _, status = march_adaptive(march)
             if status == CROSSED:
-                self._beyond = workspace.point.copy()
+                self._beyond = taken[1].workspace.point.copy()
             return status
         finally:
             self._read_progress()
             give_back(taken)
+
+    def _marching(
+        self, marched: System, steps: Steps, limits: Limits, rule: Rule, basis: ExponentialBasis,
+        tables: StepTables, arrays: OrbitArrays, taken: Workspace,
+    ) -> AdaptiveMarch:  # fmt: skip
+        """Return the arguments of the compiled march, from those of `_march` and a workspace."""
+        own, operators, weights, workspace = taken
+        equations, _ = self._orbit.equations(marched, *self._bounds)
+        varying = self._orders.compiled(self._orbit.of_varying)
+        return march_of(AdaptiveWork(
+            marched.compiled, equations, rule, basis, tables, varying, arrays,
+            self._state, steps, limits, own.solver, own.stages, operators, weights, workspace,
+        ))  # fmt: skip
 
     def _go_on_from(self, kept: tuple[np.ndarray, ...], orbit: OrbitAndTangents) -> None:
         """Continue from the stored state and orbit of a march."""
@@ -383,6 +388,26 @@ class AdaptiveStepper(ResumableStepper, TangentStepper, JumpingStepper):
         self._orbit.adopt(self._form)
         self._orders.clear()
         self._ending, self._error = None, None
+
+    def members(self, rows: MemberRows) -> Callable[[int], None] | None:
+        """Return what marches members of an ensemble, or None if each needs a stepper."""
+        form, system, orbit, t_end = self._form, self._marched, self._orbit, self._t_end
+        needs = is_read(system), system.callbacks, system.delays, system.switches, self._stages
+        if any(needs) or system.structure is not None or not is_usual(form):
+            return None
+        limits, units = self._limits(t_end), np.empty(system.d)
+        equations, _ = orbit.equations(system, *self._bounds)
+        parts = system.compiled, equations, limits, 0.0, orbit.x[0], self._state, units
+        return Members(
+            form, orbit, self._rule, FirstJacobian(*parts), rows,
+            (self._farthest, self._known, self.tolerance.modes), _MAX_STEPS_PER_MARCH,
+            partial(self._marching, system),
+            leading=np.abs(system.leading),
+            order=order_of(form),
+            longest=min(t_end / 16, limits.longest),
+            least=self._farthest / _LARGEST_RATIO,
+            at_rest=_FIRST_AT_REST * limits.longest_idle,
+        ).march  # fmt: skip
 
     def _settle(self) -> None:
         """Solve the algebraic rows at the present time for their unknowns."""
@@ -482,7 +507,7 @@ class AdaptiveStepper(ResumableStepper, TangentStepper, JumpingStepper):
         self, h: float, variable: Variable, values: np.ndarray, t_stop: float
     ) -> None:
         """Move to the end of the first step after a singular start, and begin ordinary steps."""
-        orbit, closest, t = self._orbit, self._closest(h), self.t
+        orbit, closest, t = self._orbit, closest_lag(self._rule, h), self.t
         if self.n_modes == 0:
             orbit.open_modes(closest, self._farthest, self._known, self.tolerance.modes)
         elif closest < orbit.closest:
@@ -497,7 +522,7 @@ class AdaptiveStepper(ResumableStepper, TangentStepper, JumpingStepper):
         self._set_origin(self.t)
         least = 1e5 * self._farthest / _LARGEST_RATIO
         h = self._form.graded_first_step(self.t, t_stop - self.t, self._of_step.least, least)
-        closest = self._closest(h)
+        closest = closest_lag(self._rule, h)
         self._at_start(t_stop)
         if self.n_modes == 0:
             self._orbit.open_modes(closest, self._farthest, self._known, self.tolerance.modes)
@@ -527,7 +552,7 @@ class AdaptiveStepper(ResumableStepper, TangentStepper, JumpingStepper):
         closest = _MIN_FIRST_FIT_DISTANCE * t_end
         if self._form.solves_slopes and not self._form.varying:
             first = self._form.graded_first_step(0.0, t_end, self._of_step.least)
-            closest = self._closest(first)
+            closest = closest_lag(self._rule, first)
         reach = closest, self._farthest, self._known
         errors = self._orbit.prefit_kernels(*reach, self.tolerance.modes)
         warn_of_fit(errors.noise, self.tolerance.rtol)
@@ -637,10 +662,10 @@ class AdaptiveStepper(ResumableStepper, TangentStepper, JumpingStepper):
     @property
     def _begins_at_edge(self) -> bool:
         """Whether f has no derivative at y(0), and the march is next to it."""
-        system, d = self._marched, self._marched.d
-        slopes = np.full((d, d), np.inf)  # unknown
-        return self.t < _NEXT_TO_START * self._t_end and begins_at_edge(
-            system, 0.0, self._orbit.initial[0], system.units(), slopes
+        system, start = self._marched, self._orbit.initial[0]
+        reached = np.full(system.d, np.inf)  # its slopes are unknown
+        return self.t < _NEXT_TO_START * self._t_end and edge_at(
+            system.compiled, 0.0, start, system.units(), reached
         )
 
     @property

@@ -8,15 +8,13 @@ sign nowhere, and has a small relative error at each node.
 Letters of shapes as in newton.py: d components, s nodes.
 """
 
-from typing import Any
-
 import numpy as np
 
 from ..compiled.functions import set_force
 from ..compiled.jacobian import LEAST, magnitudes
-from ..compiled.jit import inner
-from ..compiled.linalg import solve_in_place
-from ..equation.system import System
+from ..compiled.jit import F8, VEC, entry, inner
+from ..compiled.linalg import clear_matrix, solve_in_place
+from ..compiled.signatures import RIGHT_SIDE
 from .newton import factorise_newton, forces, positions, residuals, solve_newton
 from .operators import FORCE, POSITION, PRIMARY
 from .structures import LENGTH
@@ -49,30 +47,40 @@ _INFINITE_SLOPE_RATIO = 2.0
 _JUMP_CHANGE_RATIO = 0.5
 
 
-def begins_at_edge(
-    system: System, t: float, y: np.ndarray, units: np.ndarray, jacobian: Any
-) -> bool:
+@inner(allocates=True)
+def begins_at_edge(force, t, y, units, reached):
     """Return whether f is small at y, and its slope by a component that is 0 is infinite."""
     # f is small if it is less than its changes over increments of y (d,). units (d,): sizes of
-    # components; jacobian (d, d): that of f at (t, y), which may be infinite.
-    f_at_point, (far, near) = np.abs(system.rhs(t, y)), _INCREMENTS
-    if (f_at_point > far * np.abs(jacobian) @ units).all():
-        return False
-    f = system.rhs(t, y)
-    for j in np.flatnonzero(y == 0):
-        rows = []
-        for increment in (far, near):
-            moved = np.zeros(y.size)
-            moved[j] = increment * units[j]
-            with np.errstate(all="ignore"):
-                sides = np.abs([system.rhs(t, y + sign * moved) - f for sign in (1, -1)])
-            rows.append(np.where(np.isfinite(sides), sides, 0.0).max(axis=0))
-        infinite = (_INFINITE_SLOPE_RATIO * near / far * rows[0] < rows[1]) & (
-            rows[1] < _JUMP_CHANGE_RATIO * rows[0]
-        )
-        if np.any(infinite & (f_at_point < rows[0])):
-            return True
+    # components; reached (d,): |J| units for the Jacobian J at (t, y), which may be infinite.
+    d, (far, near) = y.shape[0], _INCREMENTS
+    f, moved, point, steep = np.empty(d), np.empty(d), y.copy(), np.empty((2, d))
+    set_force(force, t, y, f)
+    small = False
+    for c in range(d):
+        small = small or not abs(f[c]) > far * reached[c]
+    for j in range(d if small else 0):
+        clear_matrix(steep)
+        for side in range(4 if y[j] == 0.0 else 0):
+            increment = (far if side < 2 else near) * units[j]
+            point[j] = increment if side % 2 == 0 else -increment
+            set_force(force, t, point, moved)
+            for c in range(d):
+                change = abs(moved[c] - f[c])
+                if change < np.inf:
+                    steep[side // 2, c] = max(steep[side // 2, c], change)
+        point[j] = y[j]
+        for c in range(d):
+            infinite = _INFINITE_SLOPE_RATIO * near / far * steep[0, c] < steep[1, c]
+            jumps = not steep[1, c] < _JUMP_CHANGE_RATIO * steep[0, c]
+            if infinite and not jumps and abs(f[c]) < steep[0, c]:
+                return True
     return False
+
+
+@entry(RIGHT_SIDE, F8, VEC, VEC, VEC)
+def edge_at(right, t, y, units, reached):
+    """Return `begins_at_edge`; this is the entry for Python."""
+    return begins_at_edge(right.force, t, y, units, reached)
 
 
 @inner(allocates=True)

@@ -169,6 +169,12 @@ def set_units(equations, sizes, x, tolerance, out):
 @entry(Reference(compiled_type(FirstJacobian)), MAT)
 def jacobian_at_start(start, out):
     """Set `out` to the Jacobian of f before a first step, the units of `start`, and the reach."""
+    set_first_jacobian(start, out)
+
+
+@inner(allocates=True)
+def set_first_jacobian(start, out):
+    """Do what `jacobian_at_start` does, for compiled code."""
     equations, state = start.equations, start.state
     set_units(equations, state.sizes, start.x, start.limits.tolerance, start.units)
     start.right.jacobian(start.right.force, start.t, start.x, start.units, out)

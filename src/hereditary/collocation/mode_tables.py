@@ -51,10 +51,16 @@ def floor_to_grid(h):
 
 
 @inner
+def place_of(h, lengths):
+    """Return the index of a length on the grid in an array of `lengths`."""
+    return math.floor(_PER_OCTAVE * math.log2(h) + 0.5) % lengths.shape[0]
+
+
+@inner
 def find_factors(march, h):
     """Return the index of the factors for a step of length h; compute missing factors."""
     lengths = march.work.tables.lengths
-    table_index = math.floor(_PER_OCTAVE * math.log2(h) + 0.5) % lengths.shape[0]
+    table_index = place_of(h, lengths)
     if lengths[table_index] != h:
         lengths[table_index] = 0.0
         fill_factors(march.work, h, table_index)

@@ -10,6 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ..compiled.jit import checked
+from ..compiled.linalg import product
 from ..kernels.mode_bank import Bank, damping
 from .equations import Form
 from .exponential_basis import (
@@ -22,13 +23,16 @@ from .exponential_basis import (
 )
 from .first_rule import Variable, at_points, rule_of_modes
 from .quadrature import shortened_legendre
-from .structures import ExponentialBasis
+from .structures import ExponentialBasis, Rule
 from .varying import NOTHING_VARIES, VaryingBasis, varying_basis
 
+# Modes are fitted for steps this many times shorter than the present one, and so is each
+# refinement.
+_REFINE_BY = 32.0
 # Number of forms, and of fits of their kernels, whose modes remain in storage.
 _MODES_MAX = 64
-# Number of first steps whose exponentials remain in storage; each has 240 kB for 50 modes.
-_STEPS_MAX = 8
+# Number of first steps whose modes remain in storage; each has 10 kB for 50 modes.
+_STEPS_MAX = 128
 
 
 class Modes(NamedTuple):
@@ -68,6 +72,11 @@ def joined(
     return Modes(power_laws, kernels, varying, bank, weights, masses, of_varying, basis, key)
 
 
+def closest_lag(rule: Rule, h: float) -> float:
+    """Return the shortest time lag of the modes for steps of length h and shorter ones."""
+    return rule.nodes[0] * h / _REFINE_BY
+
+
 @lru_cache(maxsize=_MODES_MAX)
 def no_modes(n_varying: int, s: int) -> Modes:
     """Return the `Modes` before the first fit, which are none."""
@@ -99,10 +108,8 @@ opened_once = lru_cache(maxsize=_MODES_MAX)(opened)
 class OverStep(NamedTuple):
     """Values of the modes of one bank over the last step, before which they were 0."""
 
-    decays: np.ndarray  # (M, K), from K points of the step, those of `rule_of_modes`, to its end
-    # (n, K), the Lagrange polynomials of the n nodes at these points, times the weights of the rule
-    # and the step's length
-    sampled: np.ndarray
+    # (n, M), integrals of the Lagrange polynomials of the n nodes times the modes
+    gains: np.ndarray
     integrals: np.ndarray  # (M,), of the modes over the step
     at_end: np.ndarray  # (m,), decay of the m rates over the step
 
@@ -120,5 +127,6 @@ def _over_step(rates: bytes, kind: np.dtype, variable: Variable, length: float) 
     key, _, v, weights = rule_of_modes(variable.n, fastest)
     decays = bank.real_modes(damping(bank.rates, v), axis=0)
     weights = length * weights
-    sampled = at_points(variable, key) * weights
-    return OverStep(decays, sampled, decays @ weights, np.exp(-bank.rates))
+    gains = np.empty((variable.n, decays.shape[0]))
+    product(at_points(variable, key) * weights, np.ascontiguousarray(decays.T), gains)
+    return OverStep(gains, decays @ weights, np.exp(-bank.rates))

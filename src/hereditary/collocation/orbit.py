@@ -145,7 +145,7 @@ class OrbitAndTangents:
         # arguments as of `open_modes`
         if not any(kernel.by_values for kernel in self._form.kernels):
             return NO_ERRORS
-        closest = _round_to_decades(closest, farthest)
+        closest = round_to_decades(closest, farthest)
         found = kernel_basis(self._form.kernels, closest, farthest, t_end, tol)
         self._prefitted = closest, found
         return found.errors
@@ -153,7 +153,7 @@ class OrbitAndTangents:
     def open_modes(self, closest: float, farthest: float, t_end: float, tol: float) -> None:
         """Fit kernels for time lags `closest` to `farthest`; set the modes to those at t = 0."""
         # t_end: largest time lag of kernels given by values; tol: relative error
-        closest = _round_to_decades(closest, farthest)
+        closest = round_to_decades(closest, farthest)
         how = self._form, self.last.shape[3], closest, farthest, t_end, tol
         if not self._prefitted:
             self._take(opened_once(*how))
@@ -292,7 +292,10 @@ class OrbitAndTangents:
         bank, d = self.bank, self.x.shape[1]
         variable, values = self._nodal()
         step = over_step(bank, variable, self.last_length)
-        integrals = _integrals(values, step.sampled, step.decays)
+        nodal = np.ascontiguousarray(values.reshape(-1, variable.n))
+        found = np.empty((len(nodal), step.gains.shape[1]))
+        product(nodal, step.gains, found)
+        integrals = found.reshape(*values.shape[:-1], -1)
         advanced = bank.complex_modes(modes) * step.at_end
         for b, q in enumerate(self._form.unweighted):
             part = bank.complex_modes(self.of_varying * integrals[:, q])
@@ -306,24 +309,7 @@ class OrbitAndTangents:
         return bank.real_modes(advanced)
 
 
-def _integrals(values: np.ndarray, sampled: np.ndarray, decays: np.ndarray) -> np.ndarray:
-    """Return integrals of integrands times exponentials by K points, (1 + k, n_q, d, M)."""
-    # values (1 + k, n_q, d, n) at n nodes; sampled (n, K) and decays (M, K) of `OverStep`. The
-    # order of both products depends on the number of integrands, to save operations.
-    nodal = np.ascontiguousarray(values.reshape(-1, values.shape[-1]))
-    found = np.empty((nodal.shape[0], decays.shape[0]))
-    if nodal.shape[0] < nodal.shape[1]:
-        at_points = np.empty((nodal.shape[0], decays.shape[1]))
-        product(nodal, sampled, at_points)
-        product(at_points, decays.T, found)
-    else:
-        gains = np.empty((sampled.shape[0], decays.shape[0]))
-        product(sampled, decays.T, gains)
-        product(nodal, gains, found)
-    return found.reshape(*values.shape[:-1], -1)
-
-
-def _round_to_decades(closest: float, farthest: float) -> float:
+def round_to_decades(closest: float, farthest: float) -> float:
     """Return the largest ``farthest / 10**k`` up to `closest`, so that similar runs share fits."""
     return farthest / 10.0 ** math.ceil(math.log10(max(farthest / closest, 10.0)))
 

@@ -12,17 +12,19 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ..compiled.jacobian import LEAST
+from ..compiled.jit import inner
 from ..compiled.linalg import eigenvalues
 from ..equation.system import System
-from .edge import begins_at_edge
+from .edge import edge_at
 from .equations import Form
 from .first_rule import Variable
+from .mode_tables import floor_to_grid
 from .operators import FORCE, PRIMARY
 from .orbit import OrbitAndTangents
 from .stage_solver import has_stages
 
 # Ratio of the next trial length to the length of a rejected trial step.
-_TRIAL_LENGTH_RATIO = 0.25
+TRIAL_LENGTH_RATIO = 0.25
 # Generator below which time to this power is not small for any possible step. A variable u that is
 # bent by a rate c is tried then.
 _MAX_BENT_GENERATOR = 0.12
@@ -83,9 +85,12 @@ def trials(
     # steps before a jump by y are short, however far the last singularity is
     before = max(_OF_LAST * orbit.last_length, orbit.since)
     most = min(left / 16, longest, before or np.inf)
-    yield from _trials_at_edge(system, form, most, just_after, orbit.x[0], units, jacobian)
+    if system.d <= _MOST_AT_EDGE:
+        reached = np.asarray(abs(jacobian) @ units)
+        if edge_at(system.compiled, just_after, orbit.x[0], units, reached):
+            yield from _trials_at_edge(form, most)
     rates = _decay_rates(jacobian) if smallest < _MAX_BENT_GENERATOR else np.zeros(0)
-    for h in most * _TRIAL_LENGTH_RATIO ** np.arange(_BENT_TRIALS if rates.size else 0):
+    for h in most * TRIAL_LENGTH_RATIO ** np.arange(_BENT_TRIALS if rates.size else 0):
         c = math.sqrt(rates[0] * rates[-1]) * h**smallest
         if c >= _LEAST_BENT:
             yield Trial(h, _bent(form.generators, c))
@@ -100,18 +105,25 @@ def trials(
     else:  # the result is independent of units
         own = jacobian / leading[:, None]
         rate = float(np.sqrt(np.abs(own * own.T)).sum(axis=1).max())
-    # over the first trial step the solution changes by about half of its size
-    first = most if rate * most**order < 0.5 else (0.5 / rate) ** (1 / order)
+    first = first_length(rate, order, most)
     first = first if t + first > t else most  # rounding of t hides a shorter one
     for generators, variable, of_terms in variables:
         h = first
         while t + h > t and h > least:
             yield Trial(h, variable)
-            h *= _TRIAL_LENGTH_RATIO
+            h *= TRIAL_LENGTH_RATIO
         h = most
         while of_terms * h ** generators[0] >= _LEAST_BENT and t + h > t and h > least:
             yield Trial(h, _bent(generators, of_terms * h ** generators[0]))
             h *= _BENT_TRIAL_LENGTH_RATIO
+
+
+@inner
+def first_length(rate: float, order: float, most: float) -> float:
+    """Return the length of the first trial step, on the grid of lengths, at most `most`."""
+    # over it the solution, which changes at this rate, changes by about half of its size
+    known = 0.5 <= rate * most**order < np.inf
+    return floor_to_grid((0.5 / rate) ** (1.0 / order) if known else most)
 
 
 @lru_cache(maxsize=64)
@@ -121,20 +133,26 @@ def _plain(form: Form) -> tuple[float, list[tuple[tuple[float, ...], Variable, f
     others = tuple(g for g in form.generators if g >= VANISHING)
     kinds = {form.generators, others if others[0] < 1.0 else form.generators}
     variables = [(own, Variable.of(own), _rate_of_terms(form, own[0])) for own in sorted(kinds)]
-    return _order(form), variables
+    return order_of(form), variables
 
 
-def _trials_at_edge(system: System, form: Form, most: float, *at: Any) -> Iterator[Trial]:
-    """Yield the trial steps from an edge, or none if there is none; `at` as in `begins_at_edge`."""
+def is_usual(form: Form) -> bool:
+    """Return whether first steps are tried in one variable that is not bent, without kernels."""
+    above, special = form.above_one, form.kernels or form.varying or form.implicit.any()
+    if special or form.generators[0] < _MAX_BENT_GENERATOR or above.any() != above.all():
+        return False
+    return len(_plain(form)[1]) == 1
+
+
+def _trials_at_edge(form: Form, most: float) -> Iterator[Trial]:
+    """Yield the trial steps from an edge."""
     # exponents of time are those of the balance of f there, which are not known
-    if system.d > _MOST_AT_EDGE or not begins_at_edge(system, *at):
-        return
     by_generators = Variable.of(form.generators)._replace(n=_NODES_AT_EDGE)
     unknown, steep = (Variable(power, n=_NODES_AT_EDGE) for power in _EDGE_POWERS)
     for variables in (by_generators, unknown), (steep,):
         for k in range(_EDGE_TRIALS):
             for variable in dict.fromkeys(variables):
-                yield Trial(most * _TRIAL_LENGTH_RATIO**k, variable, True)
+                yield Trial(most * TRIAL_LENGTH_RATIO**k, variable, True)
 
 
 def _decay_rates(jacobian: Any) -> np.ndarray:
@@ -165,7 +183,7 @@ def _rate_of_terms(form: Form, exponent: float) -> float:
     )
 
 
-def _order(form: Form) -> float:
+def order_of(form: Form) -> float:
     """Return the smallest order by which f is integrated, at least 0.1."""
     # smaller orders do not give useful lengths of steps
     forces = form.terms[form.terms["integrand"] == FORCE]

@@ -1,0 +1,359 @@
+"""Members of an ensemble: marches one after the other in compiled code, over shared tables.
+
+It is the march of `AdaptiveStepper` for equations with few components, whose memory is that of
+constant orders alone, from the start to the end. A member that needs anything else is left to it.
+
+Letters of shapes: E members, d components, n nodes of the first step, n_t times, M modes.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Annotated, Any, NamedTuple
+
+import numpy as np
+from numba import types
+
+from ..compiled.delayed_values import PIECES, USED, Delays, add_step, set_value
+from ..compiled.jit import (
+    I8,
+    Cube,
+    Integers,
+    Matrix,
+    Vector,
+    checked,
+    compiled_type,
+    entry,
+    inner,
+    loop_value,
+)
+from ..compiled.linalg import add_rows, all_finite, clear
+from ..compiled.records import zeros
+from ..compiled.reference import FunctionField, Reference
+from .edge import begins_at_edge
+from .equations import Form
+from .first_rule import Variable, first_rule, known_at_nodes
+from .march import FULL, REACHED, TOO_CLOSE, march_adaptive, set_first_jacobian
+from .mode_tables import N_TABLE_LENGTHS, floor_to_grid, place_of, set_mode_weights
+from .modes import Modes, closest_lag, opened_once, over_step
+from .operators import FORCE, PRIMARY, number_of
+from .orbit import OrbitAndTangents, round_to_decades
+from .singular_start import TRIAL_LENGTH_RATIO, first_length
+from .structures import (
+    ADAPTIVE_MARCH,
+    AdaptiveMarch,
+    ExponentialBasis,
+    FirstJacobian,
+    IntegerMatrix,
+    Limits,
+    OrbitArrays,
+    Rule,
+    Steps,
+    StepTables,
+)
+from .tolerances import of_first_step
+from .workspace import take_workspace
+
+# How the march of a member ended: at its end; not at all, because a length of its first step is
+# missing; or in a way that another march has to tell.
+WAITING, AT_END, NO_LENGTH, LEFT = range(4)
+# A member is left to another march, which can be interrupted, if at its present speed more batches
+# of steps than these are missing.
+_MOST_BATCHES = 16
+# Returns the number of steps, and the status.
+_MARCH_SIG = types.UniTuple(I8, 2)(ADAPTIVE_MARCH)
+
+
+class MemberMarch(NamedTuple):
+    """The march of members, which share all arrays; K lengths of first steps have a place."""
+
+    march: Annotated[Any, FunctionField(_MARCH_SIG)]
+    start: FirstJacobian
+    first: AdaptiveMarch  # of the first step
+    later: AdaptiveMarch  # of all others
+    lengths: Annotated[Vector, "K"]  # of first steps [time]; 0 for none
+    gains: Annotated[Cube, "K n M"]  # from values at the nodes to the integral of each mode
+    integrals: Annotated[Matrix, "K M"]  # that of 1
+    leading: Annotated[Vector, "d"]  # coefficients of the highest orders
+    units: Annotated[Vector, "d"]  # of components that begin at 0
+    offset_of: Annotated[Integers, "n"]  # constant subtracted from each integrand, as in `Form`
+    values: Delays  # the last step as a polynomial, for y
+    speeds: Delays  # and for p
+    order: float  # smallest order of integration of f
+    longest: float  # first step [time]
+    least: float  # length that every step exceeds [time]
+    at_rest: float  # longest first step of a solution at rest [time]
+    shortest: float  # step for which the modes are accurate [time]
+
+
+class MemberRows(NamedTuple):
+    """Arguments and results of the E members."""
+
+    params: Annotated[Matrix, "E p"]
+    y0: Annotated[Cube, "E m d"]
+    times: Annotated[Vector, "n_t"]  # times of rows, from the start
+    y: Annotated[Cube, "E n_t d"]
+    ydot: Annotated[Cube, "E n_t d_s"]  # empty if y' is no unknown
+    statuses: Annotated[Integers, "E"]
+    counts: Annotated[IntegerMatrix, "E 2"]  # steps and calls of f
+    lengths: Annotated[Vector, "E"]  # of the first step, if it is missing [time]
+
+
+@entry(Reference(compiled_type(MemberMarch)), Reference(compiled_type(MemberRows)), I8)
+def march_members(march, rows, n):
+    """March the first n members, unless they are at their end; statuses say how each ended."""
+    for m in range(n):
+        if rows.statuses[m] == AT_END or rows.statuses[m] == LEFT:
+            continue
+        begin(march, rows.params[m], rows.y0[m])
+        length = first_step(march)
+        rows.statuses[m], rows.lengths[m] = LEFT, length
+        if length > 0.0:
+            rows.statuses[m] = NO_LENGTH
+            if begin_modes(march, length):
+                rows.statuses[m] = later_steps(march, rows, m)
+        counts = march.start.state.counts
+        rows.counts[m, 0], rows.counts[m, 1] = counts.accepted, counts.rhs
+
+
+@inner
+def begin(march, params, y0):
+    """Set all arrays to the start of a member with these parameters (p,) and y0 (m, d)."""
+    start, orbit, state = march.start, march.first.work.orbit, march.start.state
+    terms, equations = march.start.equations.terms, march.start.equations
+    for k in range(params.shape[0]):
+        start.right.force.functions.params[k] = params[k]
+    for c in range(y0.shape[1]):
+        y, size = y0[0, c], abs(y0[0, c])
+        p = y0[-1, c] if equations.above_one[c] == 1 else y
+        orbit.x[0, c], orbit.p[0, c], orbit.initial[0, c] = y, p, p
+        equations.units[c] = march.units[c] if size == 0.0 else size
+        state.largest[c], state.sizes[c] = abs(p), size
+        state.reach[c], state.growth[c] = size, size
+        state.reads[c], state.scales[c], state.noisy[c] = 0.0, 0.0, 0.0
+        state.tried[c], state.since[c] = np.inf, np.inf
+    for n in range(terms.shape[0]):
+        c, which = terms[n].row % y0.shape[1], march.offset_of[n]
+        constant = orbit.p[0, c] if which == 1 else orbit.x[0, c]
+        equations.offsets[0, n] = constant if which > 0 else 0.0
+    control, counts, contraction = state.control, state.counts, state.contraction
+    control.origin, control.worst, control.missed, control.jump = 0.0, 0.0, 0.0, 0.0
+    control.tried = 0.0
+    counts.rhs, counts.accepted, counts.rejected, counts.by_defect = 0, 0, 0, 0
+    contraction.rate, contraction.change, contraction.length, contraction.last = 1.0, 1.0, 1.0, 0.0
+    clear(march.first.work.stages.control)
+    clear(march.later.work.stages.control)
+
+
+@inner
+def set_step(control, t, h, shortest, begins):
+    """Let the next step begin at time t, with the length h."""
+    control.time, control.next, control.last, control.rejected = t, h, 0.0, 0.0
+    control.shortest, control.begins = shortest, begins
+
+
+@inner(allocates=True)
+def first_step(march):
+    """Solve the first step, and return its length; 0 if it is left to another march."""
+    work, start = march.first.work, march.start
+    state, d = start.state, start.x.shape[0]
+    jacobian, reached = np.empty((d, d)), np.empty(d)
+    state.counts.rhs += 1
+    set_first_jacobian(start, jacobian)
+    rate = 0.0
+    for c in range(d):
+        total, reached[c] = 0.0, 0.0
+        for k in range(d):
+            reached[c] += abs(jacobian[c, k]) * start.units[k]
+            own = jacobian[c, k] / march.leading[c] * (jacobian[k, c] / march.leading[k])
+            total += np.sqrt(abs(own))
+        rate = max(rate, total)
+    if not all_finite(reached) or begins_at_edge(
+        start.right.force, start.t, start.x, start.units, reached
+    ):
+        return 0.0
+    h, values = first_length(rate, march.order, march.longest), work.orbit.last[0]
+    while h > march.least:
+        set_step(state.control, 0.0, h, h, 1.0)
+        work.tables.lengths[0] = h
+        _, status = march.march(march.first)
+        if status == FULL:
+            rests = h > march.at_rest and is_at_rest(values)
+            return 0.0 if rests else h
+        if status != TOO_CLOSE:
+            return 0.0
+        h *= TRIAL_LENGTH_RATIO
+    return 0.0
+
+
+@inner
+def is_at_rest(values):
+    """Return whether f is 0, and p constant, at all nodes; values (n_q, d, n)."""
+    for c in range(values.shape[1]):
+        for i in range(values.shape[2]):
+            if values[FORCE, c, i] != 0.0 or values[PRIMARY, c, i] != values[PRIMARY, c, 0]:
+                return False
+    return True
+
+
+@inner
+def begin_modes(march, h):
+    """Set the modes to those at the end of a first step of length h; return if it has a place."""
+    first, later = march.first.work, march.later.work
+    index = place_of(h, march.lengths)
+    if march.lengths[index] != h:
+        return False
+    set_mode_weights(later.equations, later.basis.weights, later.varying.of_varying, later.weights)
+    gains, integrals, values = march.gains[index], march.integrals[index], first.orbit.last[0]
+    found, kinds, d = later.orbit.modes[0], later.equations.kinds, values.shape[1]
+    weights, used, offsets = later.weights.integrands, later.weights.used, later.weights.offsets
+    part = later.weights.part
+    for c in range(found.shape[0]):
+        kind = c // d * number_of(kinds) + kinds[c % d]
+        for e in range(found.shape[1]):
+            found[c, e] = offsets[0, c, e] * integrals[e] if offsets.shape[1] > 0 else 0.0
+        for q in range(values.shape[0]):
+            if used[kind, q] == 1:
+                clear(part)
+                add_rows(part, values[q, c % d], gains)
+                for e in range(found.shape[1]):
+                    found[c, e] += weights[kind, q, e] * part[e]
+    return True
+
+
+@inner
+def later_steps(march, rows, m):
+    """March from the end of the first step to the end of the run, and fill the rows of member m."""
+    later, state = march.later.work, march.start.state
+    control, stop = state.control, march.later.work.limits.stop
+    n = add_rows_of(march, rows, m, 0, march.first.work, 1)
+    set_step(control, control.time, control.time, march.shortest, 0.0)
+    status = FULL
+    while status == FULL:
+        before = control.time
+        n_steps, status = march.march(march.later)
+        n = add_rows_of(march, rows, m, n, later, n_steps)
+        slow = (control.time - before) * _MOST_BATCHES < stop - control.time
+        if slow or state.counts.accepted > later.limits.tolerance.max_steps:
+            return LEFT
+    return AT_END if status == REACHED else LEFT
+
+
+@inner
+def add_rows_of(march, rows, m, n, work, n_steps):
+    """Set the rows of member m within these steps, from row n on; return the next row."""
+    steps, times, end = work.steps, rows.times, work.limits.stop
+    for row in range(n_steps):
+        t = steps.starts[row] + steps.lengths[row]
+        t = end if t + 1e-14 * end >= end else t
+        if n == times.shape[0] or (times[n] > t and t < end):
+            continue
+        set_piece(march.values, work.rule, steps, row)
+        if rows.ydot.shape[2] > 0:
+            set_piece(march.speeds, work.rule, steps, row)
+        while n < times.shape[0] and (times[n] <= t or t == end):
+            set_value(march.values, 0, times[n], True, rows.y[m, n])
+            if rows.ydot.shape[2] > 0:
+                set_value(march.speeds, 0, times[n], True, rows.ydot[m, n])
+            n += 1
+    return n
+
+
+@inner
+def set_piece(pieces, rule, steps, row):
+    """Set the only one of `pieces` to a row of `steps`."""
+    pieces.counts[PIECES], pieces.counts[USED] = 0, 0
+    add_step(pieces, rule, steps, row)
+
+
+class Members:
+    """Members of an ensemble: `march` marches some of them, and fills their rows."""
+
+    def __init__(
+        self, form: Form, orbit: OrbitAndTangents, rule: Rule, start: FirstJacobian,
+        rows: MemberRows, how: tuple[float, float, float], n_steps: int,
+        marching: Callable[..., AdaptiveMarch], **numbers: Any,
+    ) -> None:  # fmt: skip
+        # how: farthest and largest time lag of the modes, and their error; n_steps: of a batch;
+        # marching(steps, limits, rule, basis, tables, arrays, workspace): a march; numbers: further
+        # fields of `MemberMarch`
+        self._form, self._orbit, self._rule, self._how = form, orbit, rule, how
+        self._rows, self._marching, self._start, self._batch = (
+            checked(rows),
+            marching,
+            start,
+            n_steps,
+        )
+        self._plans: dict[float, tuple[MemberMarch, Modes]] = {}
+        variable = self._variable = Variable.of(form.generators)
+        n, s = variable.n, rule.nodes.size
+        of_first = of_first_step(start.limits.tolerance, variable.q)
+        limits = start.limits._replace(tolerance=checked(of_first))
+        basis, tables = known_at_nodes(n, form.orders.size, 0)
+        tables = tables._replace(lengths=np.zeros(1))
+        first = first_rule(variable, form.powers), basis, tables, self._arrays(n, n)
+        values, speeds = (_piece(a, max(n, s) + 1) for a in (form.above_one, 0 * form.above_one))
+        self._shared = numbers | {
+            "march": loop_value(march_adaptive, _MARCH_SIG),
+            "start": start,
+            "first": self._of(1, n, limits, *first),
+            "units": start.equations.units.copy(),
+            "offset_of": form.offset_of,
+            "values": values,
+            "speeds": speeds,
+        }
+        self._last = self._plan(floor_to_grid(numbers["longest"]))
+
+    def _arrays(self, n_modes: int, n: int) -> OrbitArrays:
+        """Return the arrays of a march with so many modes, and steps of n nodes."""
+        orbit, form = self._orbit, self._form
+        modes, last = np.zeros((1, form.n_rows, n_modes)), np.zeros((1, 3, orbit.x.shape[1], n))
+        return OrbitArrays(orbit.initial, orbit.x, orbit.p, modes, modes.copy(), last)
+
+    def _of(
+        self, n_steps: int, s: int, limits: Limits, rule: Rule, basis: ExponentialBasis,
+        tables: StepTables, arrays: OrbitArrays,
+    ) -> AdaptiveMarch:  # fmt: skip
+        """Return the march of steps with s nodes, at most `n_steps` at once."""
+        steps = zeros(Steps, n=n_steps, D=self._start.units.size, s=s)
+        workspace = take_workspace(self._form, arrays.modes, s, True)[1]
+        return self._marching(steps, limits, rule, basis, tables, arrays, workspace)
+
+    def _plan(self, h: float) -> MemberMarch:
+        """Return the march of members whose first step has the length h."""
+        farthest, known, tol = self._how
+        closest = round_to_decades(closest_lag(self._rule, h), farthest)
+        if closest not in self._plans:
+            s = self._rule.nodes.size
+            modes = opened_once(self._form, s, closest, farthest, known, tol)
+            n_modes = modes.of_varying.size
+            tables = checked(zeros(StepTables, K=N_TABLE_LENGTHS, M=n_modes, s=s, n_k=0))
+            later = self._of(
+                self._batch, s, self._start.limits, self._rule, modes.basis, tables,
+                self._arrays(n_modes, s),
+            )  # fmt: skip
+            first = np.zeros((N_TABLE_LENGTHS, self._variable.n, n_modes))
+            fields = {"later": later, "shortest": closest / self._rule.nodes[0], "gains": first}
+            fields |= {"lengths": np.zeros(len(first)), "integrals": first[:, 0].copy()}
+            self._plans[closest] = checked(MemberMarch(**self._shared, **fields)), modes
+        march, modes = self._plans[closest]
+        place, step = place_of(h, march.lengths), over_step(modes.bank, self._variable, h)
+        march.gains[place], march.integrals[place] = step.gains, step.integrals
+        march.lengths[place] = h
+        self._last = march
+        return march
+
+    def march(self, n: int) -> None:
+        """March the first n members, and set their rows and statuses."""
+        rows = self._rows
+        march_members(self._last, rows, n)
+        for m in range(n):
+            if rows.statuses[m] == NO_LENGTH:
+                march_members(self._plan(float(rows.lengths[m])), rows, n)
+
+
+def _piece(by_means: np.ndarray, width: int) -> Delays:
+    """Return a record of one piece with so many coefficients; by_means (d,) as in `Delays`."""
+    arrays = np.zeros(by_means.size * width), np.zeros(1), np.zeros(width)
+    made = zeros(Delays, k=0, n=0, m=1, d=by_means.size)._replace(by_means=by_means)
+    return made._replace(**dict(zip(("numbers", "read_at", "polynomials"), arrays, strict=True)))
