@@ -431,3 +431,20 @@ def test_what_cannot_be_checked_is_refused(tmp_path):
 def test_time_alone_is_solved_to_a_tolerance():
     by_default, asked = hd.solve(equation(), 10.0), hd.solve(equation(), 10.0, rtol=1e-6)
     np.testing.assert_array_equal(by_default.y, asked.y)
+
+
+@pytest.mark.parametrize("order", [0.2, 0.3, 0.5])
+def test_rounded_times_just_after_a_break_are_no_error(order):
+    """The solution grows like a power of the time since the break, which the rows round."""
+
+    def loaded(t, strain):
+        return 1.0 if t < 2.0 else 0.0
+
+    terms = hd.Caputo(order) + hd.Memory(hd.Prony([0.0], [1.0]), 1)
+    for named in ([2.0], ()):
+        sol = hd.solve(hd.Equation(terms, loaded, 0.0), 5.0, rtol=1e-8, breaks=named)
+        assert sol.success
+        assert sol.check().largest.max() < 1e-8
+    steps = hd.solve(hd.Equation(terms, loaded, 0.0), 5.0, 50, scheme=hd.L1(), estimate=False)
+    after = np.abs(steps.t - 2.1) < 1e-9
+    assert np.any(np.isin(steps.check().t, steps.t[after]))  # the first row after it

@@ -37,6 +37,9 @@ from .solution import Solution
 _RTOL = 1e-4
 # Default tolerance of the accurate run of `check`, for runs on given steps.
 _CHECK_RTOL = 1e-6
+# Time after a jump of f, over the whole time, in which rows are not compared: the solution may grow
+# there like a power of the time since, which rounding changes.
+_AFTER_BREAK = 1e-8
 # Least default tolerance of it for runs that slide along switches.
 _SLIDING_FLOOR = 1e-7
 # A run by a tolerance is checked with this fraction of the tolerance.
@@ -231,7 +234,7 @@ class Provenance:
             with silence():
                 options: Any = {"rtol": _RTOL, "max_steps": most, "late": late}
                 # an event may have ended the run; another run may resume it
-                horizon = self.problem.t_end - self.problem.system.frame.start
+                horizon = self.problem.t_end - self._start
                 found = self._accurate(solution, Collocation(horizon=horizon), **options)
             asked = found.solution.status is Status.INTERRUPTED and not late.over
             return f"Ctrl-C ended {_ACCURATE}" if asked else found
@@ -249,12 +252,12 @@ class Provenance:
         if other.status is Status.INTERRUPTED:
             resumed = self.resume and self.resume.accurate
             start = resumed.t if resumed else 0.0
-            span = self.problem.t_end - self.problem.system.frame.start - start
+            span = self.problem.t_end - self._start - start
             part = (stepper.t - start) / span
             if part > _MIN_PART_EXTRAPOLATED and other.stats["n_steps"] > most * part:
                 return f"{_MORE} {most} steps"
             return _LONGER
-        t = stepper.t + self.problem.system.frame.start
+        t = stepper.t + self._start
         return f"{_ENDS} t = {t:g}: {other.status.sentence}"
 
     def check(self, solution: Solution, rtol: float | None) -> Accuracy:
@@ -284,7 +287,7 @@ class Provenance:
         if other.success:
             return accuracy
         ended = f"the run to rtol={rtol:g} ended early: {other.message}"
-        if not (accuracy.t[-1:] > self.problem.system.frame.start).any():
+        if not (accuracy.t[-1:] > self._start).any():
             raise RuntimeError(f"{ended}; no row of this run is before that")
         warn(f"{ended}; errors after it are unknown", SolveWarning)
         return replace(accuracy, ended=ended)
@@ -318,12 +321,18 @@ class Provenance:
         own = np.abs(y).max(axis=0, initial=0.0)
         size = np.where(size > 0, size, own)
         size[np.maximum(size, own) <= NOISE * noise] = 0.0
-        same = self._outside_jumps(other.t, found.jumps) if found.jumps.size else slice(None)
+        same = self._apart_from_breaks(other)
+        same &= not found.jumps.size or self._outside_jumps(other.t, found.jumps)
         return Accuracy(other.t[same], apart[same], size, rtol, other.stats["n_steps"])
+
+    @property
+    def _start(self) -> float:
+        """Time of the user at which the equation starts."""
+        return self.problem.system.frame.start
 
     def _has_rows(self, solution: Solution) -> bool:
         """Return whether a solution has rows after the start of its equation."""
-        return bool((solution.t[-1:] > self.problem.system.frame.start).any())
+        return bool((solution.t[-1:] > self._start).any())
 
     def _steps(self, solution: Solution) -> int:
         """Return the number of steps of a solution, from the state on if it was resumed."""
@@ -341,9 +350,17 @@ class Provenance:
             size = np.maximum(size, sizes)
         return np.array([size, noise])
 
+    def _apart_from_breaks(self, accurate: Solution) -> np.ndarray:
+        """Return which rows are not just after a jump of f, where times are rounded too much."""
+        found = np.array(accurate.stats["jumps"]) - self._start
+        found = np.array(accurate.stats["jumps"]) - self._start
+        jumps = np.union1d(self.problem.breaks, found)
+        since = accurate.t - self._start - jumps[:, None]
+        return ~np.any((since > 0) & (since <= _AFTER_BREAK * np.abs(accurate.t)), axis=0)
+
     def _outside_jumps(self, times: np.ndarray, others: np.ndarray) -> np.ndarray:
         """Return which times are not between a jump of this run and that of the accurate run."""
-        shared, t = min(self.jumps.size, others.size), times - self.problem.system.frame.start
+        shared, t = min(self.jumps.size, others.size), times - self._start
         same = np.ones(t.size, dtype=bool)
         for first, last in np.sort([self.jumps[:shared], others[:shared]], axis=0).T:
             same &= ((t < first) | (t > last)) & ~(together(t, first) | together(t, last))
