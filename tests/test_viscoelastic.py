@@ -380,3 +380,22 @@ def test_parameters_that_data_do_not_determine_have_no_errors():
     assert np.isnan([found.standard_errors["e"], found.standard_errors["g"]]).all()
     assert found.parameters["e"] + found.parameters["g"] == pytest.approx(4.0, rel=0.05)
     assert 0 < found.standard_errors["viscosity"] < 0.2 * found.parameters["viscosity"]
+
+
+@pytest.mark.parametrize("pascals", [1e-6, 1e-3, 1e3, 1e6])
+@pytest.mark.parametrize("response", ["moduli", "relaxation", "creep"])
+def test_fits_find_moduli_in_any_unit_from_guesses_of_one(response, pascals):
+    def solid(alone, beside, damping, order):
+        return ve.zener(spring(alone), spring(beside), SpringPot(damping, order))
+
+    true = {"alone": pascals, "beside": 4 * pascals, "damping": 2 * pascals, "order": 0.47}
+    at, guess = np.geomspace(1e-2, 1e2, 20), dict.fromkeys(true, 1.0) | {"order": 0.5}
+    noise = np.exp(0.02 * np.random.default_rng(4).normal(size=(2, 20)))
+    values = (
+        np.atleast_2d(getattr(solid(**true), response)(at)) * noise[: 1 + (response == "moduli")]
+    )
+    found = getattr(ve, f"fit_{response}")(solid, at, *values, guess, bounds={"order": (0, 1)})
+    assert found.success
+    for name, value in true.items():
+        assert abs(found.parameters[name] - value) < 4 * found.standard_errors[name]
+        assert found.standard_errors[name] < 0.3 * value

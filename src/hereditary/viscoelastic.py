@@ -451,9 +451,17 @@ def _fitted(
     if not np.all(np.isfinite(first)):
         got, remedy = f"0 from {made(start)!r}", "add an element that responds"
         checks.refuse("model", f"have {names_of_rows} above 0", got, remedy)
-    fit = least_squares(residuals, start, bounds=tuple(limits), x_scale=start)
-    sizes, at_bound = np.maximum(fit.x, start), fit.active_mask != 0
-    covariance, _ = covariance_of(fit, sizes, at_bound, True, names)
+
+    def at_logs(logs: np.ndarray) -> np.ndarray:  # of parameters over their first guesses
+        return np.clip(start * np.exp(logs), *limits)
+
+    with np.errstate(divide="ignore"):
+        ends = tuple(np.log(limits / start))
+    fit = least_squares(lambda logs: residuals(at_logs(logs)), 0.0 * start, bounds=ends)
+    fit.x = at_logs(fit.x)
+    fit.jac /= fit.x
+    at_bound = fit.active_mask != 0
+    covariance, _ = covariance_of(fit, fit.x, at_bound, True, names)
     return ModelFit(
         **estimates_of(names, fit.x, covariance, at_bound, fit.message),
         freedom=float(data.size - np.sum(~at_bound)),
