@@ -37,10 +37,10 @@ def test_files_and_functions_are_small():
 BUDGETS = {
     "collocation": 5571,
     "given": 3630,
-    "solver": 2610,
+    "solver": 2621,
     "analysis": 2356,
     "compiled": 2106,
-    "top": 1774,
+    "top": 1788,
     "equation": 1663,
     "kernels": 1492,
     "functions": 964,

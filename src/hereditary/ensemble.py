@@ -19,6 +19,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from .collocation.members import AT_END, MemberRows
+from .compiled.jacobian import FEW
 from .compiled.records import zeros
 from .equation.equation import Equation, current_equation
 from .equation.system import displaced
@@ -618,7 +619,8 @@ class _Run:
         given, base, members = self._arguments, self._members.base, self._members
         frame, start, size = base.system.frame, base.t_start, _MEMBERS_AT_ONCE
         others = given["events"], given["switches"], any(self._changes), np.size(given["breaks"])
-        if self._kept is not None or any(others) or frame.speeds:
+        own = base.system.callbacks, base.system.delays, frame.speeds
+        if self._kept is not None or any(others) or any(own) or members.inside.shape[2] > FEW:
             return None
         first = displaced(base.system, members.inside[0], members.params[0])
         how = given["scheme"], given["history"], self._steps, self._t_end - start

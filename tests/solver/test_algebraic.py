@@ -334,14 +334,19 @@ def constant_power(t, y, p):
     return np.array([-y[1], (y[0] - p[0] * y[1]) * y[1] - p[1]])
 
 
-@pytest.mark.parametrize("order", [0.6, 1.0])
+@pytest.mark.parametrize("order", [0.6, 0.8, 0.95, 1.0])
 def test_rows_that_become_singular_end_the_run_in_these_words(order):
-    """Two solutions of the row meet: at y[0] = 0 of the fold, at E = 2 R I of the capacitor."""
+    """Two solutions of the row meet: at y[0] = 0 of the fold, at E = 2 R I of the capacitor.
+
+    Tighter runs may end up to a seventh earlier, at a jump that they take for one of f.
+    """
     one = np.array([1.0, 0.0]) * hd.Caputo(order)
-    with pytest.warns(hd.SolveWarning, match="algebraic components becomes singular here"):
-        sol = hd.solve(hd.Equation(one, fold, [1.0, 1.0]), 5.0, rtol=1e-6)
-    assert sol.status == "step_too_small"
-    assert sol.t[-1] == pytest.approx(math.gamma(1 + order) ** (1 / order), rel=1e-6)
+    for start in (0.7, 1.0, 1.3):
+        with pytest.warns(hd.SolveWarning, match="algebraic components becomes singular here"):
+            sol = hd.solve(hd.Equation(one, fold, [start, start**0.5]), 5.0, rtol=1e-4)
+        assert sol.status == "step_too_small"
+        meet = (start * math.gamma(1 + order)) ** (1 / order)
+        assert sol.t[-1] == pytest.approx(meet, rel=1e-6)
     start = [1.0, 1.0 - np.sqrt(1.0 - 4 * 0.5 * 0.04)]
     with pytest.warns(hd.SolveWarning, match="algebraic components becomes singular here"):
         sol = hd.solve(

@@ -710,7 +710,7 @@ class AdaptiveStepper(ResumableStepper, TangentStepper, JumpingStepper):
             "history_bytes": self._orbit.modes.nbytes,
             "kernel_error": self._orbit.kernels.errors.reported,
             "error_estimate": self._error_estimate(),
-            "jumps": [t + self.system.frame.start for t in self.found],
+            "jumps": [t + self.system.frame.start for t in sorted(self.found)],
         }
 
     def _error_estimate(self) -> float:
