@@ -25,6 +25,7 @@ def test_main_job(tmp_path, capsys):
     assert "20000 steps to t = 100" in printed(text, "explicit")
     assert "56 modes, 896 bytes" in text
     assert "sticking        0.00 .. 45." in text
+    assert printed(text, "ensemble").split()[:2] == ["100", "initial"]
     assert printed(text, "figure").strip() == str(out)
     assert out.stat().st_size > 10_000
     # the run by a tolerance comes first, and the explicit run is measured by it

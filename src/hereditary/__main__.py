@@ -33,6 +33,8 @@ _PARAMETERS = {
     "x0": "initial position",
     "v0": "initial velocity",
 }
+# Members of the ensemble that is shown.
+_MEMBERS = 100
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -60,10 +62,14 @@ def main(argv: Sequence[str] | None = None) -> int:
             progress=True,
             estimate=False,
         )
+        starts = equation.y0 + np.multiply.outer(np.linspace(0.0, 1.0, _MEMBERS), [[1.0], [0.0]])
+        members = hd.ensemble(equation, 0.1 * arguments.t_end, y0=starts[:, :, 0], rtol=1e-6)
     except (TypeError, ValueError) as error:
         print(f"hereditary: {error}", file=sys.stderr)
         return 2
     _report(parameters, accurate, solution)
+    each = f"{1e3 * members.stats['seconds'] / _MEMBERS:.2f} ms each"
+    print(f"ensemble        {_MEMBERS} initial positions to t = {members.t[-1]:g} in {each}")
     matplotlib.use("Agg")
     _draw(solution, arguments.out)
     print(f"figure          {Path(arguments.out).resolve()}")
