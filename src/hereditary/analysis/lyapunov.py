@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
 import time
 from contextlib import suppress
 from dataclasses import dataclass, replace
@@ -15,12 +14,13 @@ from numpy.typing import ArrayLike
 from ..collocation.method import Collocation
 from ..collocation.reading import reduced
 from ..compiled.callbacks import pass_on
+from ..compiled.functions import set_force
 from ..compiled.jacobian import LEAST
 from ..compiled.jit import F8, MAT, VEC, Matrix, Vector, compiled_type, entry
 from ..compiled.records import record
 from ..compiled.reference import Reference
 from ..compiled.schedule import SCHEDULE
-from ..compiled.signatures import RightSide
+from ..compiled.signatures import RIGHT_SIDE, RightSide
 from ..equation.equation import Equation, current_equation
 from ..equation.system import System
 from ..given.history.exponentials import SumOfExponentials
@@ -467,36 +467,40 @@ def _without_jumps(result: LyapunovResult, system: System, states: list[_Moment]
 
 def _jumps(system: System, states: list[_Moment]) -> bool:
     """Return whether f jumps on a line between two consecutive states (t, y) of the orbit."""
-    # the half of the line on which f changes more is halved again: that of a continuous f vanishes
     chosen = np.unique(np.linspace(0, len(states) - 1, _STATES).astype(int))
-    with suppress(Exception), np.errstate(all="ignore"):  # f may have no value between states
-        found = [(t, y, system.rhs(t, y)) for t, y in (states[i] for i in chosen)]
-        least = _SMALLEST * np.max([np.abs(f) for _, _, f in found], axis=0)
-        return any(_keeps(system, *pair, least) for pair in itertools.pairwise(found))
+    times, rows = zip(*(states[i] for i in chosen), strict=True)
+    with suppress(Exception):  # f may have no value between states
+        return bool(_jumps_between(system.compiled, np.array(times), np.array(rows)))
     return False
 
 
-def _keeps(system: System, first: tuple, last: tuple, least: np.ndarray) -> bool:
-    """Return if f changes by more than `least` (d,) on ever shorter lines between two states."""
-    (t, a, f_a), (_, b, _) = first, last
-    f_b = system.rhs(t, b)  # at the same time
-    change = _distance(f_a, f_b, least)
-    for _ in range(_HALVINGS_BETWEEN_STATES):
-        if not change > 1.0:
-            return False
-        middle = (a + b) / 2
-        f = system.rhs(t, middle)
-        before, after = _distance(f, f_a, least), _distance(f_b, f, least)
-        if before > after:
-            b, f_b, change = middle, f, before
-        else:
-            a, f_a, change = middle, f, after
-    return True
-
-
-def _distance(f: np.ndarray, other: np.ndarray, least: np.ndarray) -> float:
-    """Return the largest |difference| over `least` (d,); for few numbers faster than NumPy."""
-    return max(map(abs, ((f - other) / (least + LEAST)).tolist()))
+@entry(RIGHT_SIDE, VEC, MAT)
+def _jumps_between(right: Any, times: np.ndarray, states: np.ndarray) -> bool:
+    """Return whether f jumps on a line between two consecutive states (n, d)."""
+    # the half of the line on which f changes more is halved again: that of a continuous f vanishes
+    (n, d), force = states.shape, right.force
+    f, middle, f_of_middle, least = np.empty((n, d)), np.empty(d), np.empty(d), np.full(d, LEAST)
+    for i in range(n):
+        set_force(force, times[i], states[i], f[i])
+    for c in range(d):
+        least[c] += _SMALLEST * np.abs(f[:, c]).max()
+    for i in range(n - 1):
+        a, b, f_a, f_b = states[i].copy(), states[i + 1].copy(), f[i], f[i + 1].copy()
+        set_force(force, times[i], b, f_b)  # at the same time
+        left, change = _HALVINGS_BETWEEN_STATES, (np.abs(f_b - f_a) / least).max()
+        while left > 0 and change > 1.0:
+            left -= 1
+            middle[:] = (a + b) / 2
+            set_force(force, times[i], middle, f_of_middle)
+            before = (np.abs(f_of_middle - f_a) / least).max()
+            change = (np.abs(f_b - f_of_middle) / least).max()
+            if before > change:
+                b[:], f_b[:], change = middle, f_of_middle, before
+            else:
+                a[:], f_a[:] = middle, f_of_middle
+        if change > 1.0:
+            return True
+    return False
 
 
 def _grow(
