@@ -27,6 +27,8 @@ DENSITIES = {
     "Weibull, singular": (hd.WeibullDensity(0.7, 5.0), 0.0),
     "gamma": (hd.GammaDensity(1.138, 0.711), 0.0),
     "gamma, narrow": (hd.GammaDensity.from_mean(5.0, 1.9), 0.0),
+    "gamma, of shape 9 but for rounding": (hd.GammaDensity.from_mean(5.7, 1.9), 0.0),
+    "gamma, of shape next to 3": (hd.GammaDensity.from_mean(2.6, 1.5), 0.0),
     "shifted gamma": (hd.GammaDensity(1.138, 0.711), 1.0),
     "shifted function": (hd.Kernel(lambda t: gamma.pdf(t - 1, 7, scale=0.6), signed=True), 0.0),
     "daily table": (hd.Kernel.from_table(DAYS, SHARES, signed=True), 0.0),

@@ -351,8 +351,8 @@ def is_read(system: System) -> bool:
 
 def in_stages(operator: Operator) -> bool:
     """Return whether an operator convolves y with a gamma density of shape 1 or more."""
-    kernel = operator.kernel
-    return isinstance(kernel, GammaDensity) and kernel.shape >= 1 and operator.derivative == 0
+    kernel, derivative = operator.kernel, operator.derivative
+    return isinstance(kernel, GammaDensity) and kernel.in_stages and derivative == 0
 
 
 def _leading_orders(system: System) -> np.ndarray:

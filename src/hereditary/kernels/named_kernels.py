@@ -22,6 +22,11 @@ _BELOW_ONE = math.nextafter(1.0, 0.0)
 _GONE = 700.0
 # Largest shape of a gamma density; each whole number is one more equation.
 _MOST_STAGES = 50.0
+# Rounding of a shape that was computed from a mean and a standard deviation.
+_ROUNDING_OF_SHAPE = 1e-12
+# Least remainder of a shape for which its density is a convolution: one of a smaller shape rises
+# over more decades than numbers have.
+_LEAST_REMAINDER = 0.01
 # Range of the parameter sigma of lognormal densities.
 _SIGMAS = 0.05, 5.0
 # Range of the shapes of Weibull densities.
@@ -148,8 +153,8 @@ class GammaDensity(MemoryKernel):
 
     It is the density of delays whose mean is shape / rate. With `rtol=` no fit is needed where it
     acts on y itself. The density of shape n + b is n exponential ones after that of shape b < 1.
-    With b between 0 and 0.01 such a run ends as `step_too_small`. Elsewhere one of shape above 1 is
-    fitted with weights of both signs, which takes seconds.
+    Elsewhere, and with b between 0 and 0.01, one of shape above 1 is fitted with weights of both
+    signs, which takes seconds.
 
     Parameters
     ----------
@@ -191,8 +196,14 @@ class GammaDensity(MemoryKernel):
     @property
     def stages(self) -> tuple[int, float]:
         """The whole number n and the remainder b of the shape, 0 <= b < 1."""
-        n = math.floor(self.shape)
-        return n, self.shape - n
+        n = math.floor(self.shape + _ROUNDING_OF_SHAPE)
+        return n, self.shape - n if self.shape - n > _ROUNDING_OF_SHAPE else 0.0
+
+    @property
+    def in_stages(self) -> bool:
+        """Whether a convolution with it is one with exponential densities, and one of shape b."""
+        b = self.stages[1]
+        return self.shape >= 1 and (b == 0 or b >= _LEAST_REMAINDER)
 
     def __call__(self, t: ArrayLike) -> np.ndarray:
         """Return the kernel values, the shape of `t`."""
