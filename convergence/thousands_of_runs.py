@@ -2,15 +2,15 @@
 
 A fractional SIR epidemic of order 0.9 with drawn rates of infection and of recovery, to t = 100,
 with a row for each day. Its members are solved to rtol = 1e-6 by `ensemble` and by a loop of
-`solve`. SciPy's LSODA solves the epidemic of order 1, whose right-hand side is compiled too: by a
-loop of `solve_ivp`, and by a loop of `odeint`, which calls no Python between its steps. Errors are
-the largest of all rows of 100 members, over the size of the component. Three parameters are fitted
-to 50 days of an epidemic, the order among them or not. Claims:
+`solve`. SciPy's LSODA solves the epidemic of order 1, whose right-hand side is compiled too. It is
+called by a loop of `solve_ivp`, and by one of `odeint`, which runs no Python between its steps.
+Errors are the largest of all rows of 100 members, over the size of the component. Three parameters
+are fitted to 50 days of an epidemic, the order among them or not. Claims:
 
-* on one core a member of `ensemble` takes at most 0.45 of the time of a call of `solve`;
+* on one core a member of `ensemble` takes at most 0.4 of the time of a call of `solve`;
 * and at most the time of a call of `solve_ivp` with LSODA, at a smaller error;
 * results do not depend on the number of threads, in any bit;
-* a fit by `fit` takes at most as long as SciPy's `least_squares` over `solve_ivp`.
+* a fit by `fit` takes at most 1.5 times as long as SciPy's `least_squares` over `solve_ivp`.
 """
 
 import time
@@ -147,7 +147,7 @@ def claims(rows):
     each = {row["by"]: row["seconds"] / row["members"] for row in members if row["members"] >= 1000}
     each = each or {row["by"]: row["seconds"] / row["members"] for row in members}
     own, error = each["ensemble, one core"], {row["by"]: row["error"] for row in members}
-    yield Claim("a member, of a call of solve", own / each["loop of solve"], 0.45)
+    yield Claim("a member, of a call of solve", own / each["loop of solve"], 0.4)
     scipy = "loop of solve_ivp, order 1"
     yield Claim("a member, of a call of solve_ivp of order 1", own / each[scipy], 1.0)
     yield Claim("its error, of that of solve_ivp", error["ensemble, one core"] / error[scipy], 1.0)
@@ -160,7 +160,7 @@ def claims(rows):
     theirs = found["least_squares over solve_ivp, order 1"]
     for by in ("fit, order 0.9, first infected", "fit, order 1, first infected"):
         ratio = found[by]["seconds"] / theirs["seconds"]
-        yield Claim("a fit, of least_squares over solve_ivp", ratio, 1.0, where=by)
+        yield Claim("a fit, of least_squares over solve_ivp", ratio, 1.5, where=by)
     with_order = found["fit, order among them"]["seconds"] / theirs["seconds"]
     yield Claim("a fit of the order too, of least_squares over solve_ivp", with_order)
 

@@ -47,7 +47,7 @@ PAGES = [
     "collocation", "kernels", "memory_terms", "varying_orders", "derivatives", "viscoelastic",
     "events", "friction", "cannot_see", "sweeps", "fitting", "chaos", "frequency_response",
     "scenes", "recipes", "delays", "distributed_memory", "algebraic_rows", "maps", "noise",
-    "coming_from", "which_derivative", "large_systems",
+    "coming_from", "which_derivative", "large_systems", "thousands_of_runs",
 ]  # fmt: skip
 
 

@@ -181,7 +181,7 @@ class SpringPot(Model):
 
     def __post_init__(self) -> None:
         checks.positive("modulus", self.modulus)
-        checks.within("order", self.order, 0.0, 1.0, "[0, 1]")
+        checks.within("order", self.order, 0.0, 1.0, "[0, 1]", "in a fit, give it bounds")
 
     def _split(self, s: np.ndarray) -> tuple[tuple[float, np.ndarray], tuple[float, np.ndarray]]:
         one, nothing = float(self.modulus), np.zeros_like(s)
@@ -333,7 +333,7 @@ def fit_moduli(
     omega, storage, loss : array_like, shape (n,)
         Angular frequencies [1/time], and G' and G'' there [stress], above 0.
     p0 : mapping of str to float
-        First guess, above 0.
+        First guess, above 0; of moduli it may be wrong by a factor of 1e6, as tests have it.
     bounds : mapping of str to (float, float), optional
         Lowest and highest values of some parameters, by default 0 and infinity. An order has at
         most (0, 1).

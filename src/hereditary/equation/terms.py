@@ -195,7 +195,7 @@ def _mean_symbol(kernel: MemoryKernel, m: int) -> complex:
     known = m > 0 or math.isinf(kernel.t_last)
     if not known or not np.isfinite(mean) or later > _CONSTANT * late:
         required = "fade" if m else "be integrable over all times"
-        remedy = "periodic solutions of the past would not be forgotten"
+        remedy = "the past would not be forgotten; write a spring in the right-hand side"
         refuse("kernel", required, repr(kernel), remedy)
     return mean
 
