@@ -29,8 +29,8 @@ SECTIONS = {
     "Errors of given steps": "estimates",
     "Memory and kernels": "memory_is_nearly_free histories exponential_sum_modes memory_kernels"
     " random_kernels kernels_and_sticking viscoelastic_responses laplace_kernels",
-    "Large systems, ensembles and sweeps": "large_systems large_compared stick_slip_chain ensembles thousands_of_runs"
-    " sweeps paper_spectra",
+    "Large systems, ensembles and sweeps": "large_systems large_compared stick_slip_chain ensembles"
+    " thousands_of_runs sweeps paper_spectra",
     "Exponents, resonance and fits": "lyapunov_rows lyapunov_cost chaos_tests resonance fits",
     "Start and short runs": "start_up short_runs python_functions",
 }
