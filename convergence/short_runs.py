@@ -29,11 +29,11 @@ LONG = 100_000
 ORDERS = np.linspace(0.9, 0.05, 20)
 # Most calls of functions in one warm run, which no machine changes.
 CALLS = {
-    "Collocation, rtol 1e-6": 620,
-    "40 steps, ExplicitCaputo": 420,
+    "Collocation, rtol 1e-6": 680,
+    "40 steps, ExplicitCaputo": 445,
     "an equation of another order": 300,
-    "Collocation, rtol 1e-6, with other params": 740,
-    "explicit steps, 40, and their error": 1190,
+    "Collocation, rtol 1e-6, with other params": 805,
+    "explicit steps, 40, and their error": 1310,
 }
 
 

@@ -363,5 +363,5 @@ def test_zeros_have_the_lengths_of_their_letters():
     made = zeros(Mixed, k=2, d=3)
     assert (made.matrix.shape, made.free.shape, made.n) == ((3, 6), (0,), 0)
     assert (made.free.dtype, compiled_type(Mixed)[0].ndim) == (complex, 2)
-    with pytest.raises(KeyError):
+    with pytest.raises(NameError):
         zeros(Mixed, k=2)

@@ -604,7 +604,8 @@ class AdaptiveStepper(ResumableStepper, TangentStepper, JumpingStepper):
     @property
     def _above_one(self) -> np.ndarray:
         """True for components of orbit and kept tangents whose p is y'."""
-        return np.tile(self._form.above_one == 1, self._kept)
+        above_one = self._form.above_one == 1
+        return above_one if self._kept == 1 else np.tile(above_one, self._kept)
 
     def keep_tangents(self) -> None:
         """Let dense output include the tangents: d components of each follow those of the orbit."""
@@ -696,7 +697,7 @@ class AdaptiveStepper(ResumableStepper, TangentStepper, JumpingStepper):
 
     def set_breaks(self, times: np.ndarray, t_end: float) -> None:
         """Set the times at which the march makes a singular start, because f may jump there."""
-        times = np.union1d(times, self.found)
+        times = np.union1d(times, self.found) if self.found else times
         at_once, self._breaks = breaks_ahead(times, self.t, t_end, self.system.frame.start)
         self._at_singular_start |= at_once
 

@@ -6,7 +6,6 @@ as ``1+k``. An axis ``.`` has any length, and is empty at first.
 """
 
 from functools import cache
-from math import prod
 from typing import Any, TypeVar, get_type_hints
 
 import numpy as np
@@ -22,27 +21,22 @@ def zeros(cls: type[_T], **sizes: int) -> _T:
     Fields that are numbers are 0.
     """
     made: Any = cls
-    return made(*[_zero(kind, shape, {".": 0} | sizes) for kind, shape in _fields(made)])
+    code, names = _making(made)
+    return eval(code, names, sizes)
 
 
 @cache
-def _fields(cls):
-    """List (dtype, shape) of each array of a class, and (class, None) of each number."""
+def _making(cls):
+    """Return the code that makes a group of arrays from the lengths of its axes, and its names."""
     hints = get_type_hints(cls, include_extras=True).values()
-    parts = [(hint, *getattr(hint, "__metadata__", (None, None))) for hint in hints]
-    return [(as_dtype(array.dtype) if array else hint, shape) for hint, array, shape in parts]
-
-
-def _zero(kind, shape, lengths):
-    axes = [] if shape is None else [_length(axis, lengths) for axis in shape.split()]
-    return kind() if shape is None else np.zeros(axes, kind)
-
-
-def _length(axis, lengths):
-    for symbol, join in (("+", sum), ("*", prod)):
-        if symbol in axis:
-            return join(_length(term, lengths) for term in axis.split(symbol))
-    return int(axis) if axis.isdigit() else lengths[axis]
+    names, fields = {"made": cls, "zeros": np.zeros}, []
+    for n, hint in enumerate(hints):
+        array, shape = getattr(hint, "__metadata__", (None, None))
+        names[f"kind_{n}"] = as_dtype(array.dtype) if array else hint
+        axes = None if shape is None else "".join(f"{axis}, " for axis in shape.split())
+        lengths = axes and axes.replace(".", "0")
+        fields.append(f"kind_{n}()" if axes is None else f"zeros(({lengths}), kind_{n})")
+    return compile(f"made({', '.join(fields)})", cls.__name__, "eval"), names
 
 
 def record(dtype, values=None, **fields):
