@@ -249,10 +249,9 @@ def ensemble(
     """Solve one equation for many parameters or initial values, on all cores.
 
     Every member has the solution of `solve`. With uniform steps it is equal to the last bit, with
-    BDF(3) to BDF(6) to rounding. With rtol it is equal to rounding, or to a thousandth of rtol if a
-    component begins at 0. Weights, modes and stability limits are computed once, and each thread
-    solves one member after the other in compiled code. With events, switches or changes each member
-    is a run of its own. So it is with rtol, if
+    BDF(3) to BDF(6) and with rtol to rounding. Weights, modes and stability limits are computed
+    once, and each thread solves one member after the other in compiled code. With events, switches
+    or changes each member is a run of its own. So it is with rtol, if
 
     - f is called in Python, or reads memory or delays;
     - orders vary, or are below 0.12, or some exceed 1 and others do not;

@@ -1,6 +1,6 @@
 """Ensembles: every member is the run that `solve` makes of it, bit for bit on given steps.
 
-By a tolerance it is so to rounding, or a thousandth of the tolerance.
+By a tolerance it is so to rounding, which may decide of a step.
 """
 
 import os
@@ -50,8 +50,9 @@ def assert_equal(found, m, sol, rounding=0.0):
             assert not np.any(np.abs(own[m, :n] - theirs) > sizes)
     assert found.status[m] == sol.status
     assert found.messages.get(m, hd.Status.COMPLETED.sentence) == sol.message
-    assert found.stats["n_rhs"][m] == sol.stats["n_rhs"]
-    assert found.stats["n_steps"][m] == sol.stats["n_steps"]
+    if not rounding:  # which may decide of a step
+        assert found.stats["n_rhs"][m] == sol.stats["n_rhs"]
+        assert found.stats["n_steps"][m] == sol.stats["n_steps"]
     assert_same_events(found, m, sol)
 
 
@@ -134,7 +135,7 @@ def test_members_take_what_single_runs_take(ability, way):
     for m in range(3):
         own = given if each is None else {"changes": each[m]}
         sol = alone(ABSORBED, tables, m, 2.0, **how | own | {"t_eval": found.t})
-        assert_equal(found, m, sol, 1e-12 if "rtol" in how else 0.0)
+        assert_equal(found, m, sol, 1e-9 if "rtol" in how else 0.0)
         if "n_steps" in how:  # each row of the run itself; a change has one before it and one after
             run = alone(ABSORBED, tables, m, 2.0, **how, **own)
             after = np.append(np.diff(run.t) > 0, True) & np.isin(run.t, found.t)
@@ -162,7 +163,8 @@ def tank(t, y, p):
 
 
 def reached(t, y, p):
-    return [p[0] - y[0], y[0] ** 2 / p[0] - p[1] * y[1]]
+    share = y[0] / p[0]
+    return [p[0] * (1 - share**3), y[0] * share - p[1] * y[1]]
 
 
 SWINGING = hd.Caputo(1.8) + 0.3 * hd.Caputo(0.7)
@@ -204,7 +206,7 @@ MARCHED = {
     "far units": (
         hd.Equation(hd.Caputo(0.8), reached, [0.0, 0.0], RATES[0]),
         8.0,
-        [[1e-9, 1.0], [1.0, 0.1], [1e9, 1.0]],
+        [[1e60, 1.0], [1e-9, 1.0], [1.0, 0.1], [1e9, 1.0]],
     ),
     "stiff": (
         hd.Equation(hd.Caputo(0.5), lambda t, y, p: p[1] - p[0] * y, 0.0, RATES[0]),
@@ -212,11 +214,6 @@ MARCHED = {
         [[1e-3, 1.0], [1.0, 1.0], [1e6, 1.0]],
     ),
 }
-
-
-# Components that begin at 0 have the units that the first member gives them, in their first
-# difference quotients.
-UNITS_OF_FIRST = {"far units", "stiff"}
 
 
 @pytest.mark.filterwarnings("ignore::hereditary.SolveWarning")
@@ -230,11 +227,8 @@ def test_members_by_a_tolerance_are_the_runs_by_themselves(name):
     again = hd.ensemble(equation, t_end, params=params[::-1], threads=1, **how)
     for m in range(len(params)):
         sol = alone(equation, {"params": params}, m, t_end, estimate=False, **how)
-        if name in UNITS_OF_FIRST:
-            assert np.all(np.abs(found.y[m] - sol.y) <= 1e-9 * np.abs(sol.y).max(axis=0))
-        else:
-            assert_equal(found, m, sol, 1e-12)
-            assert np.array_equal(found.y[m], again.y[-1 - m], equal_nan=True)
+        assert_equal(found, m, sol, 1e-9)
+        assert np.array_equal(found.y[m], again.y[-1 - m], equal_nan=True)
 
 
 def test_members_that_an_event_ends_are_successful_and_have_their_times():

@@ -403,6 +403,7 @@ class AdaptiveStepper(ResumableStepper, TangentStepper, JumpingStepper):
             (self._farthest, self._known, self.tolerance.modes), _MAX_STEPS_PER_MARCH,
             partial(self._marching, system),
             leading=np.abs(system.leading),
+            has_jac=int(system.has_jac),
             order=order_of(form),
             longest=min(t_end / 16, limits.longest),
             least=self._farthest / _LARGEST_RATIO,

@@ -30,6 +30,7 @@ from ..compiled.jit import (
 from ..compiled.linalg import add_rows, all_finite, clear
 from ..compiled.records import zeros
 from ..compiled.reference import FunctionField, Reference
+from ..compiled.units import set_units_of
 from .edge import begins_at_edge
 from .equations import Form
 from .first_rule import Variable, first_rule, known_at_nodes
@@ -60,6 +61,8 @@ WAITING, AT_END, NO_LENGTH, LEFT = range(4)
 # A member is left to another march, which can be interrupted, if at its present speed more batches
 # of steps than these are missing.
 _MOST_BATCHES = 16
+# Decades of first lengths whose tables are kept; those of one take about 1 MB.
+_MOST_PLANS = 8
 # Returns the number of steps, and the status.
 _MARCH_SIG = types.UniTuple(I8, 2)(ADAPTIVE_MARCH)
 
@@ -75,10 +78,10 @@ class MemberMarch(NamedTuple):
     gains: Annotated[Cube, "K n M"]  # from values at the nodes to the integral of each mode
     integrals: Annotated[Matrix, "K M"]  # that of 1
     leading: Annotated[Vector, "d"]  # coefficients of the highest orders
-    units: Annotated[Vector, "d"]  # of components that begin at 0
     offset_of: Annotated[Integers, "n"]  # constant subtracted from each integrand, as in `Form`
     values: Delays  # the last step as a polynomial, for y
     speeds: Delays  # and for p
+    has_jac: int  # 1 if the Jacobian is given
     order: float  # smallest order of integration of f
     longest: float  # first step [time]
     least: float  # length that every step exceeds [time]
@@ -120,18 +123,23 @@ def march_members(march, rows, n):
 def begin(march, params, y0):
     """Set all arrays to the start of a member with these parameters (p,) and y0 (m, d)."""
     start, orbit, state = march.start, march.first.work.orbit, march.start.state
-    terms, equations = march.start.equations.terms, march.start.equations
+    terms, equations, units = start.equations.terms, start.equations, start.equations.units
     for k in range(params.shape[0]):
         start.right.force.functions.params[k] = params[k]
     for c in range(y0.shape[1]):
         y, size = y0[0, c], abs(y0[0, c])
         p = y0[-1, c] if equations.above_one[c] == 1 else y
         orbit.x[0, c], orbit.p[0, c], orbit.initial[0, c] = y, p, p
-        equations.units[c] = march.units[c] if size == 0.0 else size
         state.largest[c], state.sizes[c] = abs(p), size
         state.reach[c], state.growth[c] = size, size
         state.reads[c], state.scales[c], state.noisy[c] = 0.0, 0.0, 0.0
         state.tried[c], state.since[c] = np.inf, np.inf
+    if march.has_jac == 0:
+        set_units_of(
+            start.right.force, y0[0], march.later.work.limits.t_end, equations.rates, units
+        )
+        for c in range(units.shape[0]):
+            units[c] = units[c] if units[c] > 0.0 else 1.0
     for n in range(terms.shape[0]):
         c, which = terms[n].row % y0.shape[1], march.offset_of[n]
         constant = orbit.p[0, c] if which == 1 else orbit.x[0, c]
@@ -297,7 +305,6 @@ class Members:
             "march": loop_value(march_adaptive, _MARCH_SIG),
             "start": start,
             "first": self._of(1, n, limits, *first),
-            "units": start.equations.units.copy(),
             "offset_of": form.offset_of,
             "values": values,
             "speeds": speeds,
@@ -324,6 +331,8 @@ class Members:
         farthest, known, tol = self._how
         closest = round_to_decades(closest_lag(self._rule, h), farthest)
         if closest not in self._plans:
+            if len(self._plans) == _MOST_PLANS:
+                self._plans.clear()
             s = self._rule.nodes.size
             modes = opened_once(self._form, s, closest, farthest, known, tol)
             n_modes = modes.of_varying.size

@@ -15,7 +15,7 @@ from ..compiled.delayed_values import Delays
 from ..compiled.functions import Functions, no_functions
 from ..compiled.jacobian import VALUES, derivatives_by_parameters, force_at, jacobian_at, right_side
 from ..compiled.signatures import RightSide
-from ..functions.differences import units_of
+from ..compiled.units import units_of
 from ..support.checks import refuse
 from .delay import Delayed
 from .frame import Frame
@@ -248,8 +248,8 @@ class System:
             return np.ones(self.d)
         known = self._units.get(t_end)
         if known is None:
-            known = units_of(self.compiled, self.at_start, t_end, self.rates(t_end))
-            self._units[t_end] = known
+            self._units[t_end] = known = np.empty(self.d)
+            units_of(self.compiled, self.at_start, t_end, self.rates(t_end), known)
         return np.where(known > 0, known, 1.0)
 
     @_of_left

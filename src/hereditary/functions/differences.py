@@ -1,16 +1,13 @@
-"""Check a given Jacobian against differences of the right-hand side; find units of components.
+"""Check a given Jacobian against differences of the right-hand side."""
 
-The unit of a component is the least size that steps of differences take it to have.
-"""
-
-from contextlib import suppress
 from typing import Any
 
 import numpy as np
 
 from ..compiled.functions import Functions
-from ..compiled.jacobian import FEW, LEAST, VALUES, extend, force_at, jacobian_at, right_side
+from ..compiled.jacobian import VALUES, extend, force_at, jacobian_at, right_side
 from ..compiled.signatures import RightSide
+from ..compiled.units import units_of
 from ..support.checks import complaint
 
 # Two steps of the differences that check a Jacobian, relative to the size of a component.
@@ -21,24 +18,10 @@ _OF_ENTRY = 1e-3
 _OF_GIVEN = 1e-6
 # Such a deviation for the product of a sparse Jacobian by differences with a direction.
 _OF_DIFFERENCES = 1e-9
-# Times at which f is evaluated until it moves a component at 0, as fractions of the run.
-_LATER = (0.0, 1e-3, 1e-2, 0.1, 1.0)
-# First trial of a step of a component at 0: what f makes of it in this fraction of the run.
-_FIRST_STEP = 1e-3
-# Largest number of evaluations in search of components that others move.
-_MOST_SEARCHES = 100
-# Decades between which the size of an unknown of an algebraic row is sought.
-_DECADES = -300.0, 300.0
-# Relative change of the other components that shows what they make of such a row.
-_CHANGE_OF_OTHERS = 0.01
-# Number of halvings of the interval of decades.
-_HALVINGS = 12
 # Ratio of one trial step to the next one.
 _TRIAL_STEP_RATIO = 1024.0
 # Largest number of trial steps of a component.
 _MOST_TRIALS = 12
-# Least change of f, as fraction of f, that counts as more than rounding errors.
-_CLEAR = 1e-5
 
 
 def check_jacobian(functions: Functions, y0: np.ndarray, structure: Any = None) -> None:
@@ -62,7 +45,8 @@ def wrong_jacobian(
     # y0 (d,); t: since the start [time].
     random = np.random.default_rng(0)
     right = right_side(functions, structure is not None)
-    units = units_of(right, y0)
+    units = np.empty(y0.size)
+    units_of(right, y0, 1.0, np.ones(y0.size), units)
     units[units == 0] = 1.0
     scale = np.maximum(np.abs(y0), 0.1 * units)
     aside = random.uniform(0.5, 1.0, (2, y0.size)) * 0.03 * scale
@@ -162,92 +146,3 @@ def _values(right: RightSide, t: float, y: np.ndarray, shifts: np.ndarray) -> np
     except Exception:  # y lies outside of the domain of f
         return None
     return values
-
-
-def units_of(
-    right: RightSide, y0: np.ndarray, t_end: float = 1.0, rates: np.ndarray | float = 1.0
-) -> np.ndarray:
-    """Return units of components, (d,), for the steps of differences where y is small."""
-    # The size in y0. For a component at 0 the change by f in a thousandth of the run to t_end,
-    # others at their units. Up to FEW components take a step near that, which changes f clearly and
-    # proportionally. 0 if f moves it at none of five times. rates (d,): f over the y that it makes
-    # in the run, if constant; 0 for algebraic rows, of which the change counts that changes the row
-    # by its size.
-    units, y = np.abs(y0), y0.copy()
-    if not units.all():
-        later = iter(_LATER)
-        t = next(later) * t_end
-        for _ in range(_MOST_SEARCHES):
-            unknown = units == 0
-            with np.errstate(all="ignore"):  # the rate of an algebraic row is 0
-                force = _moved(right, y, t=t)
-                made = np.where(rates == 0, 0.0, _FIRST_STEP * force / rates)
-                for c in np.flatnonzero(unknown & (rates == 0)).tolist():
-                    made[c] = _balancing_step(right, y, t, c)
-            seen = unknown & (np.abs(made) > LEAST) & (np.abs(made) < np.inf)
-            units[seen], y[seen] = np.abs(made[seen]), made[seen]
-            if seen.all() or not unknown.any():
-                break
-            if not seen.any():
-                if (share := next(later, None)) is None:
-                    break
-                t = share * t_end
-    for c in np.flatnonzero(y0 == 0).tolist() if y0.size <= FEW else ():
-        with np.errstate(all="ignore"):  # steps may grow beyond all numbers
-            units[c] = _visible_step(right, y0, c, units[c])
-    return np.where((units > LEAST) & (units < np.inf), units, 0.0)
-
-
-def _balancing_step(right: RightSide, y: np.ndarray, t: float, c: int) -> float:
-    """Return a size of component c that changes its row of f by about what others make of it."""
-    # a power of 10, by bisection; 0 if none does
-    force, (low, high) = _moved(right, y, t=t)[c], _DECADES
-    beside = _moved(right, y * (1.0 + _CHANGE_OF_OTHERS / np.sqrt(2.0 + np.arange(y.size))), t=t)[c]
-    made = np.abs(force) + np.abs(beside - force) / _CHANGE_OF_OTHERS
-    for _ in range(_HALVINGS if made > 0 else 0):
-        middle = 0.5 * (low + high)
-        change = np.abs(_moved(right, y, c, 10.0**middle, t)[c] - force)
-        low, high = (middle, high) if change < made else (low, middle)
-    return 0.0 if high == _DECADES[1] else 10.0**high
-
-
-def _visible_step(right: RightSide, y0: np.ndarray, c: int, step: float) -> float:
-    """Return a step of component c near a first one that changes f clearly, or 0."""
-    # the step changes f proportionally too
-    force, found, shrunk = _moved(right, y0), 0.0, False
-    for trial in range(_MOST_TRIALS if 0 < step < np.inf else 0):
-        change, twice = (_moved(right, y0, c, by) - force for by in (step, 2 * step))
-        if trial == 0 and not change.any():  # perhaps f does not read the component at all
-            farthest = step * _TRIAL_STEP_RATIO ** (_MOST_TRIALS - 1)
-            if not (_moved(right, y0, c, farthest) - force).any():
-                return step
-        linear = np.abs(twice - 2 * change) <= 0.1 * np.abs(twice) + 1e-13 * np.abs(force)
-        # test row c of f if component c occurs there: other rows may contain its square only
-        if not (linear[c] if change[c] else linear.all()):
-            if found:
-                return found
-            step, shrunk = step / _TRIAL_STEP_RATIO, True
-            continue
-        clear = np.abs(change) >= _CLEAR * np.abs(force)
-        seen = clear | (change == 0)
-        if seen[c] if change[c] else seen.all():
-            found = found or step
-            if shrunk or clear.all():
-                return step if change.any() and linear.all() else found
-        step *= _TRIAL_STEP_RATIO  # rounding of f may hide the change
-    return found
-
-
-def _moved(
-    right: RightSide, y0: np.ndarray, c: int = 0, step: float = 0.0, t: float = 0.0
-) -> np.ndarray:
-    """Return f (d,) at y0 with component c changed by `step`, or -`step` if infinite, or NaN."""
-    found = np.full(y0.size, np.nan)
-    for by in (step, -step):
-        y = y0.copy()
-        y[c] += by
-        with suppress(Exception):
-            force_at(right, t, y, found)
-        if np.isfinite(found).all():
-            break
-    return found
