@@ -1,8 +1,8 @@
 """The row of README's table that has times: a relaxation of order 0.5 to an error of 1e-6.
 
 The equation is D^0.5 y = -y, y(0) = 1, to t = 5. Both codes are called in turns, warm; the fastest
-call counts. Errors are the largest over the steps. pycaputo's trapezoidal rule takes the fewest
-steps that leave the error, on a mesh t = 5 (n / N)^2. A full run writes README's row. Claims:
+call counts. Errors are the largest over the steps. pycaputo takes the fewest steps of its
+trapezoidal rule that leave the error, on a graded mesh. A full run writes README's row. Claims:
 
 * both leave less than the error;
 * pycaputo takes at least 20 times as long, where it is installed.
