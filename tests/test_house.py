@@ -35,12 +35,12 @@ def test_files_and_functions_are_small():
 # Most lines of code of each room, without docstrings, comments and blank lines. They only fall: who
 # needs lines takes them from the same room.
 BUDGETS = {
-    "collocation": 5581,
+    "collocation": 5577,
     "given": 3630,
     "solver": 2621,
     "analysis": 2363,
     "compiled": 2216,
-    "top": 1788,
+    "top": 1782,
     "equation": 1663,
     "kernels": 1498,
     "functions": 889,

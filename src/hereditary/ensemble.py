@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from .collocation.members import AT_END, MemberRows
+from .collocation.members import AT_END, LEFT, MemberRun
 from .compiled.jacobian import FEW
 from .compiled.records import zeros
 from .equation.equation import Equation, current_equation
@@ -67,8 +67,6 @@ _COUNTS = "n_steps", "n_rhs"
 # Members that are timed, on one thread and on each of all, to choose the number of threads: while
 # Python prepares a member, other threads wait.
 _TIMED_MEMBERS = 8
-# Members that are marched at once in compiled code, between two looks for Ctrl-C.
-_MEMBERS_AT_ONCE = 16
 # Largest time of a member on all threads, over that on one, for which they are taken.
 _WORTH_THREADS = 0.8
 
@@ -254,7 +252,8 @@ def ensemble(
     or changes each member is a run of its own. So it is with rtol, if
 
     - f is called in Python, or reads memory or delays;
-    - orders vary, or are below 0.12, or some exceed 1 and others do not;
+    - orders vary, some exceed 1 and others do not, or one is less than 0.12 above 0, 1 or another
+      one of its component;
     - there are breaks, general kernels, algebraic components, or more than nine real ones.
 
     Use `sweep` for equations that differ in anything else, such as their orders.
@@ -599,13 +598,12 @@ class _Run:
             def one(m: int) -> None:
                 self._march(stepper, end, m)
 
-        several = self._by_tolerance() or partial(_one_by_one, one)
+        one = self._by_tolerance() or one
 
         def work(most: int | None = None, bar: Any = None) -> None:
-            left = islice(self._left, most)
-            while chosen := list(islice(left, _MEMBERS_AT_ONCE)):
-                several(chosen)
-                self._done += len(chosen)
+            for m in islice(self._left, most):
+                one(m)
+                self._done += 1
                 if bar is not None:
                     bar.update(self._done / self._members.size)
                 if self._interruption.asked:
@@ -614,41 +612,40 @@ class _Run:
         return work
 
     def _by_tolerance(self) -> Callable | None:
-        """Return a function that marches several members in compiled code, or None."""
+        """Return a function that marches a member in compiled code, or None."""
         given, base, members = self._arguments, self._members.base, self._members
-        frame, start, size = base.system.frame, base.t_start, _MEMBERS_AT_ONCE
+        frame, (_, order, d) = base.system.frame, members.inside.shape
         others = given["events"], given["switches"], any(self._changes), np.size(given["breaks"])
         own = base.system.callbacks, base.system.delays, frame.speeds
-        if self._kept is not None or any(others) or any(own) or members.inside.shape[2] > FEW:
+        if self._kept is not None or any(others) or any(own) or d > FEW:
             return None
         first = displaced(base.system, members.inside[0], members.params[0])
-        how = given["scheme"], given["history"], self._steps, self._t_end - start
+        how = given["scheme"], given["history"], self._steps, self._t_end - base.t_start
         try:
             stepper, _ = open_stepper(first, *how)
         except ValueError:  # `solve` tells of it
             return None
-        m, d = members.inside.shape[1:]
-        sizes = {"E": size, "p": members.params.shape[1], "m": m, "d": d, "d_s": d * (m - 1)}
-        rows = zeros(MemberRows, n_t=self._times.size, **sizes)
-        rows = rows._replace(times=self._times - start)
-        march = stepper.members(rows)
+        sizes = {"p": members.params.shape[1], "m": order, "d": d, "d_s": d * (order - 1)}
+        run = zeros(MemberRun, n_t=self._times.size, **sizes)
+        run = run._replace(times=self._times - base.t_start)
+        several, asked = stepper.members(run), lambda: self._interruption.asked
 
-        def several(chosen: list[int]) -> None:
-            n, rows.statuses[:] = len(chosen), 0
-            rows.params[:n], rows.y0[:n] = members.params[chosen], members.inside[chosen]
+        def one(m: int) -> None:
+            ended = LEFT
+            run.params[:], run.y0[:] = members.params[m], members.inside[m]
             with suppress(Exception):  # of a right-hand side: `solve` tells of it
-                march(n)
-            ends = zip(chosen, rows.statuses, rows.counts.tolist(), strict=False)
-            for k, (m, status, counts) in enumerate(ends):
-                if status != AT_END:
-                    self._solve(m)
-                    continue
-                self._y[m] = frame.values(rows.y[k])[:, self._chosen]
+                ended = several.march(asked)
+            if ended == LEFT:
+                self._solve(m)
+            elif ended == AT_END:
+                self._y[m] = frame.values(run.y)[:, self._chosen]
                 if base.m == 2:
-                    self._ydot[m] = frame.slopes(rows.y[k], rows.ydot[k])[:, self._chosen]
-                self._ends[m] = Status.COMPLETED, "", *counts
+                    self._ydot[m] = frame.slopes(run.y, run.ydot)[:, self._chosen]
+                self._ends[m] = Status.COMPLETED, "", *run.counts[:2].tolist()
+            else:
+                self._interruption.heeded = True
 
-        return march and several
+        return one if several else None
 
     def _march(self, stepper: Any, end: float, m: int) -> None:
         """March member m to step `end`, by a stepper that several members use."""
@@ -732,12 +729,6 @@ class _Run:
             y_events=[rows for _, rows in self._events] if self._arguments["events"] else [],
             components=self._arguments["components"],
         )
-
-
-def _one_by_one(solve: Callable[[int], None], chosen: list[int]) -> None:
-    """Solve the chosen members."""
-    for m in chosen:
-        solve(m)
 
 
 def _adopt(run: _Run) -> None:

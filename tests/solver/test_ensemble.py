@@ -439,3 +439,29 @@ def test_tables_of_other_packages(members):
     assert data.status.values.tolist() == members.status.tolist()
     assert data.n_steps.dims == ("member",)
     assert ("ydot" in data) == (members.ydot is not None)
+
+
+def raising(t, y, p):
+    if p[0] > 2.5 and t > 0.5:
+        raise ValueError("late")
+    return [-p[0] * y[0]]
+
+
+@pytest.mark.filterwarnings("ignore::hereditary.SolveWarning")
+def test_a_member_that_raises_leaves_the_bits_of_the_others():
+    equation = hd.Equation(hd.Caputo(0.7), raising, 1.0, [1.0])
+    rates = np.linspace(0.1, 3.0, 40)
+    how = {"rtol": 1e-6, "t_eval": [0.25, 2.0]}
+    found = hd.ensemble(equation, 2.0, params=rates, threads=1, **how)
+    assert_same_members(found, hd.ensemble(equation, 2.0, params=rates, threads=3, **how))
+    assert np.array_equal(found.success, rates <= 2.5)
+    few = hd.ensemble(equation, 2.0, params=rates[:20], threads=1, **how)
+    assert np.array_equal(found.y[:20], few.y)
+
+
+@pytest.mark.parametrize(("order", "rate"), [(0.15, 1e50), (0.3, 1e120)])
+def test_rates_whose_first_length_no_number_has(order, rate):
+    equation = hd.Equation(hd.Caputo(order), decay, 1.0, [rate])
+    assert hd.solve(equation, 1.0, rtol=1e-6).success
+    found = hd.ensemble(equation, 1.0, params=[rate, 1.0], rtol=1e-6)
+    assert found.success.all()

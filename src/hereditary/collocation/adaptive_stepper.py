@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import copy
 import math
-from collections.abc import Callable
 from functools import partial
 from operator import attrgetter
 from typing import Any
@@ -63,7 +62,7 @@ from .march import (
     march_adaptive,
     march_of,
 )
-from .members import MemberRows, Members
+from .members import MemberRun, Members
 from .method import Collocation
 from .mode_tables import N_TABLE_LENGTHS, floor_to_grid, spare_tables
 from .modes import closest_lag
@@ -389,7 +388,7 @@ class AdaptiveStepper(ResumableStepper, TangentStepper, JumpingStepper):
         self._orders.clear()
         self._ending, self._error = None, None
 
-    def members(self, rows: MemberRows) -> Callable[[int], None] | None:
+    def members(self, run: MemberRun) -> Members | None:
         """Return what marches members of an ensemble, or None if each needs a stepper."""
         form, system, orbit, t_end = self._form, self._marched, self._orbit, self._t_end
         needs = is_read(system), system.callbacks, system.delays, system.switches, self._stages
@@ -399,7 +398,7 @@ class AdaptiveStepper(ResumableStepper, TangentStepper, JumpingStepper):
         equations, _ = orbit.equations(system, *self._bounds)
         parts = system.compiled, equations, limits, 0.0, orbit.x[0], self._state, units
         return Members(
-            form, orbit, self._rule, FirstJacobian(*parts), rows,
+            form, orbit, self._rule, FirstJacobian(*parts), run,
             (self._farthest, self._known, self.tolerance.modes), _MAX_STEPS_PER_MARCH,
             partial(self._marching, system),
             leading=np.abs(system.leading),
@@ -408,7 +407,7 @@ class AdaptiveStepper(ResumableStepper, TangentStepper, JumpingStepper):
             longest=min(t_end / 16, limits.longest),
             least=self._farthest / _LARGEST_RATIO,
             at_rest=_FIRST_AT_REST * limits.longest_idle,
-        ).march  # fmt: skip
+        )  # fmt: skip
 
     def _settle(self) -> None:
         """Solve the algebraic rows at the present time for their unknowns."""

@@ -3,7 +3,7 @@
 It is the march of `AdaptiveStepper` for equations with few components, whose memory is that of
 constant orders alone, from the start to the end. A member that needs anything else is left to it.
 
-Letters of shapes: E members, d components, n nodes of the first step, n_t times, M modes.
+Letters of shapes: d components, n nodes of the first step, n_t times, M modes.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ from ..compiled.jit import (
     inner,
     loop_value,
 )
-from ..compiled.linalg import add_rows, all_finite, clear
+from ..compiled.linalg import add_rows, all_finite, clear, put
 from ..compiled.records import zeros
 from ..compiled.reference import FunctionField, Reference
 from ..compiled.units import set_units_of
@@ -45,7 +45,6 @@ from .structures import (
     AdaptiveMarch,
     ExponentialBasis,
     FirstJacobian,
-    IntegerMatrix,
     Limits,
     OrbitArrays,
     Rule,
@@ -55,14 +54,15 @@ from .structures import (
 from .tolerances import of_first_step
 from .workspace import take_workspace
 
-# How the march of a member ended: at its end; not at all, because a length of its first step is
-# missing; or in a way that another march has to tell.
-WAITING, AT_END, NO_LENGTH, LEFT = range(4)
-# A member is left to another march, which can be interrupted, if at its present speed more batches
-# of steps than these are missing.
-_MOST_BATCHES = 16
+# How the march of a member goes on: it is at its end; the length of its first step has no place; it
+# goes on with further steps; or another march has to tell how it ends.
+AT_END, NO_LENGTH, MARCHING, LEFT = range(4)
+# Most batches of steps in which a march covers what is left, at the speed of the last one.
+_MOST_BATCHES = 4000
 # Decades of first lengths whose tables are kept; those of one take about 1 MB.
 _MOST_PLANS = 8
+# Indices of `MemberRun.counts`.
+STEPS, CALLS, N_ROWS = range(3)
 # Returns the number of steps, and the status.
 _MARCH_SIG = types.UniTuple(I8, 2)(ADAPTIVE_MARCH)
 
@@ -89,34 +89,42 @@ class MemberMarch(NamedTuple):
     shortest: float  # step for which the modes are accurate [time]
 
 
-class MemberRows(NamedTuple):
-    """Arguments and results of the E members."""
+class MemberRun(NamedTuple):
+    """Arguments and results of one member."""
 
-    params: Annotated[Matrix, "E p"]
-    y0: Annotated[Cube, "E m d"]
+    params: Annotated[Vector, "p"]
+    y0: Annotated[Matrix, "m d"]
     times: Annotated[Vector, "n_t"]  # times of rows, from the start
-    y: Annotated[Cube, "E n_t d"]
-    ydot: Annotated[Cube, "E n_t d_s"]  # empty if y' is no unknown
-    statuses: Annotated[Integers, "E"]
-    counts: Annotated[IntegerMatrix, "E 2"]  # steps and calls of f
-    lengths: Annotated[Vector, "E"]  # of the first step, if it is missing [time]
+    y: Annotated[Matrix, "n_t d"]
+    ydot: Annotated[Matrix, "n_t d_s"]  # empty if y' is no unknown
+    length: Annotated[Vector, "1"]  # of the first step [time]
+    counts: Annotated[Integers, "3"]  # steps, calls of f, and rows
 
 
-@entry(Reference(compiled_type(MemberMarch)), Reference(compiled_type(MemberRows)), I8)
-def march_members(march, rows, n):
-    """March the first n members, unless they are at their end; statuses say how each ended."""
-    for m in range(n):
-        if rows.statuses[m] == AT_END or rows.statuses[m] == LEFT:
-            continue
-        begin(march, rows.params[m], rows.y0[m])
-        length = first_step(march)
-        rows.statuses[m], rows.lengths[m] = LEFT, length
-        if length > 0.0:
-            rows.statuses[m] = NO_LENGTH
-            if begin_modes(march, length):
-                rows.statuses[m] = later_steps(march, rows, m)
-        counts = march.start.state.counts
-        rows.counts[m, 0], rows.counts[m, 1] = counts.accepted, counts.rhs
+@entry(Reference(compiled_type(MemberMarch)), Reference(compiled_type(MemberRun)), I8)
+def march_member(march, run, goes_on):
+    """March a member from its start, or by a further batch of steps; return how it goes on."""
+    state = march.start.state
+    if goes_on == 0:
+        begin(march, run.params, run.y0)
+        run.length[0] = first_step(march)
+        if run.length[0] == 0.0:
+            return LEFT
+        if not begin_modes(march, run.length[0]):
+            return NO_LENGTH
+        run.counts[N_ROWS] = 0
+        fill_rows(march, run, march.first.work, 1)
+        set_step(state.control, run.length[0], run.length[0], march.shortest, 0.0)
+    before, stop = state.control.time, march.later.work.limits.stop
+    n_steps, status = march.march(march.later)
+    fill_rows(march, run, march.later.work, n_steps)
+    run.counts[STEPS], run.counts[CALLS] = state.counts.accepted, state.counts.rhs
+    if state.counts.accepted > march.later.work.limits.tolerance.max_steps:
+        return LEFT
+    if status == FULL:
+        slow = (state.control.time - before) * _MOST_BATCHES < stop - state.control.time
+        return LEFT if slow else MARCHING
+    return AT_END if status == REACHED else LEFT
 
 
 @inner
@@ -230,41 +238,27 @@ def begin_modes(march, h):
 
 
 @inner
-def later_steps(march, rows, m):
-    """March from the end of the first step to the end of the run, and fill the rows of member m."""
-    later, state = march.later.work, march.start.state
-    control, stop = state.control, march.later.work.limits.stop
-    n = add_rows_of(march, rows, m, 0, march.first.work, 1)
-    set_step(control, control.time, control.time, march.shortest, 0.0)
-    status = FULL
-    while status == FULL:
-        before = control.time
-        n_steps, status = march.march(march.later)
-        n = add_rows_of(march, rows, m, n, later, n_steps)
-        slow = (control.time - before) * _MOST_BATCHES < stop - control.time
-        if slow or state.counts.accepted > later.limits.tolerance.max_steps:
-            return LEFT
-    return AT_END if status == REACHED else LEFT
-
-
-@inner
-def add_rows_of(march, rows, m, n, work, n_steps):
-    """Set the rows of member m within these steps, from row n on; return the next row."""
-    steps, times, end = work.steps, rows.times, work.limits.stop
+def fill_rows(march, run, work, n_steps):
+    """Set the rows of a member within these steps."""
+    steps, times, end, n = work.steps, run.times, work.limits.stop, run.counts[N_ROWS]
+    if n < times.shape[0] and times[n] == 0.0:
+        put(steps.at_starts[0, 0], run.y[n])
+        put(steps.at_starts[0, 1], run.ydot[n])
+        n += 1
     for row in range(n_steps):
         t = steps.starts[row] + steps.lengths[row]
         t = end if t + 1e-14 * end >= end else t
         if n == times.shape[0] or (times[n] > t and t < end):
             continue
         set_piece(march.values, work.rule, steps, row)
-        if rows.ydot.shape[2] > 0:
+        if run.ydot.shape[1] > 0:
             set_piece(march.speeds, work.rule, steps, row)
         while n < times.shape[0] and (times[n] <= t or t == end):
-            set_value(march.values, 0, times[n], True, rows.y[m, n])
-            if rows.ydot.shape[2] > 0:
-                set_value(march.speeds, 0, times[n], True, rows.ydot[m, n])
+            set_value(march.values, 0, times[n], True, run.y[n])
+            if run.ydot.shape[1] > 0:
+                set_value(march.speeds, 0, times[n], True, run.ydot[n])
             n += 1
-    return n
+    run.counts[N_ROWS] = n
 
 
 @inner
@@ -275,23 +269,19 @@ def set_piece(pieces, rule, steps, row):
 
 
 class Members:
-    """Members of an ensemble: `march` marches some of them, and fills their rows."""
+    """Members of an ensemble: `march` marches the one of a `MemberRun`, and fills its rows."""
 
     def __init__(
         self, form: Form, orbit: OrbitAndTangents, rule: Rule, start: FirstJacobian,
-        rows: MemberRows, how: tuple[float, float, float], n_steps: int,
+        run: MemberRun, how: tuple[float, float, float], n_steps: int,
         marching: Callable[..., AdaptiveMarch], **numbers: Any,
     ) -> None:  # fmt: skip
-        # how: farthest and largest time lag of the modes, and their error; n_steps: of a batch;
-        # marching(steps, limits, rule, basis, tables, arrays, workspace): a march; numbers: further
-        # fields of `MemberMarch`
+        # how: largest time lags of the modes and of the run, and the modes' error; n_steps: of a
+        # batch; marching(steps, limits, rule, basis, tables, arrays, workspace): a march; numbers:
+        # further fields of `MemberMarch`
         self._form, self._orbit, self._rule, self._how = form, orbit, rule, how
-        self._rows, self._marching, self._start, self._batch = (
-            checked(rows),
-            marching,
-            start,
-            n_steps,
-        )
+        self._run, self._marching, self._start = checked(run), marching, start
+        self._batch = n_steps
         self._plans: dict[float, tuple[MemberMarch, Modes]] = {}
         variable = self._variable = Variable.of(form.generators)
         n, s = variable.n, rule.nodes.size
@@ -352,13 +342,15 @@ class Members:
         self._last = march
         return march
 
-    def march(self, n: int) -> None:
-        """March the first n members, and set their rows and statuses."""
-        rows = self._rows
-        march_members(self._last, rows, n)
-        for m in range(n):
-            if rows.statuses[m] == NO_LENGTH:
-                march_members(self._plan(float(rows.lengths[m])), rows, n)
+    def march(self, asked: Callable[[], bool]) -> int:
+        """March the member of the run; return `AT_END`, `LEFT`, or `MARCHING` if that is asked."""
+        run = self._run
+        ended = march_member(self._last, run, 0)
+        if ended == NO_LENGTH:
+            ended = march_member(self._plan(float(run.length[0])), run, 0)
+        while ended == MARCHING and not asked():
+            ended = march_member(self._last, run, 1)
+        return ended
 
 
 def _piece(by_means: np.ndarray, width: int) -> Delays:

@@ -122,8 +122,10 @@ def trials(
 def first_length(rate: float, order: float, most: float) -> float:
     """Return the length of the first trial step, on the grid of lengths, at most `most`."""
     # over it the solution, which changes at this rate, changes by about half of its size
-    known = 0.5 <= rate * most**order < np.inf
-    return floor_to_grid((0.5 / rate) ** (1.0 / order) if known else most)
+    if not 0.5 <= rate * most**order < np.inf:
+        return floor_to_grid(most)
+    length = (0.5 / rate) ** (1.0 / order)
+    return floor_to_grid(length if length > 0.0 else most)
 
 
 @lru_cache(maxsize=64)
@@ -139,9 +141,8 @@ def _plain(form: Form) -> tuple[float, list[tuple[tuple[float, ...], Variable, f
 def is_usual(form: Form) -> bool:
     """Return whether first steps are tried in one variable that is not bent, without kernels."""
     above, special = form.above_one, form.kernels or form.varying or form.implicit.any()
-    if special or form.generators[0] < _MAX_BENT_GENERATOR or above.any() != above.all():
-        return False
-    return len(_plain(form)[1]) == 1
+    alike = above.any() == above.all()
+    return alike and not special and form.generators[0] >= _MAX_BENT_GENERATOR
 
 
 def _trials_at_edge(form: Form, most: float) -> Iterator[Trial]:
