@@ -118,11 +118,12 @@ def smooth_problem(alpha):
 def singular_problem(alpha, rate=1.0, t_end=2.0, name=None):
     """D^alpha y + y = 0, y(0) = 1 (and y'(0) = 0.5 for orders above 1), by Mittag-Leffler."""
     if alpha <= 1:
-        equation, exact = hd.scenes.relaxation(alpha, rate, 1.0), relaxation(alpha, rate, 1.0)
+        equation = partial(hd.scenes.relaxation, alpha, rate, 1.0)
+        exact = relaxation(alpha, rate, 1.0)
     else:
-        equation = hd.Equation(hd.Caputo(alpha), lambda t, y: -y, [1.0, 0.5])
+        equation = partial(hd.Equation, hd.Caputo(alpha), lambda t, y: -y, [1.0, 0.5])
         exact = relaxation(alpha, rate, (1.0, 0.5))
-    return Problem(name or f"singular {alpha}", lambda: equation, exact, t_end)
+    return Problem(name or f"singular {alpha}", equation, exact, t_end)
 
 
 PROBLEMS = [

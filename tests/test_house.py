@@ -4,6 +4,7 @@ import ast
 import io
 import re
 import tokenize
+from functools import cache
 from pathlib import Path
 
 import pytest
@@ -16,13 +17,21 @@ GALLERY = SOURCE.parents[1] / "docs" / "gallery"
 # What a message must not say in place of the value that arrived.
 VAGUE = {"another", "both", "int", "it", "neither", "none", "one", "others", "some"}
 FILES = {path: path.read_text() for path in sorted(SOURCE.rglob("*.py"))}
-TREES = {str(path.relative_to(SOURCE)): ast.parse(text) for path, text in FILES.items()}
-NODES = [(path, node) for path, tree in TREES.items() for node in ast.walk(tree)]
+
+
+@cache
+def trees():
+    return {str(path.relative_to(SOURCE)): ast.parse(text) for path, text in FILES.items()}
+
+
+@cache
+def nodes():
+    return [(path, node) for path, tree in trees().items() for node in ast.walk(tree)]
 
 
 def test_files_and_functions_are_small():
     assert not [path for path, text in FILES.items() if text.count("\n") > 800]
-    for path, node in NODES:
+    for path, node in nodes():
         if isinstance(node, ast.FunctionDef):
             body = node.body[1:] if ast.get_docstring(node) else node.body
             if body:
@@ -94,14 +103,14 @@ def decorators(node):
 
 
 def test_compiled_functions_have_a_record_and_five_values_at_most():
-    for path, node in NODES:
+    for path, node in nodes():
         if decorators(node) & DECORATORS:
             assert len(node.args.args) <= 6, (path, node.name)
 
 
 def test_functions_that_python_calls_have_types():
     """Types of compiled functions are in their signatures and docstrings."""
-    for path, tree in TREES.items():
+    for path, tree in trees().items():
         functions = [node for node in ast.walk(tree) if isinstance(node, ast.FunctionDef)]
         outer = {id(n) for f in functions for n in ast.walk(f) if n is not f}
         for node in functions:
@@ -157,7 +166,7 @@ def test_the_way_of_a_call_names_functions_that_are_there():
 
 
 def test_messages_say_the_value_that_arrived():
-    for path, node in NODES:
+    for path, node in nodes():
         called = getattr(node, "func", None)
         if getattr(called, "id", getattr(called, "attr", "")) in ("complaint", "refuse"):
             got = getattr(node.args[2], "value", None) if len(node.args) > 2 else None
@@ -171,7 +180,7 @@ BY_MODULE = {"relaxation", "oscillator", "fit", "frequency_response"}
 def in_several_files(pattern, place=Path, kinds=ast.Assign | ast.AnnAssign):
     """Return the names that match a pattern and are defined in several modules, by their places."""
     places = {}
-    for path, tree in TREES.items():
+    for path, tree in trees().items():
         for node in tree.body:
             names = [getattr(node, "name", "")]
             for target in getattr(node, "targets", [getattr(node, "target", node)]):
@@ -193,7 +202,7 @@ def test_the_name_of_a_private_constant_stands_in_one_file():
 
 
 def test_each_constant_has_a_line():
-    for path, tree in TREES.items():
+    for path, tree in trees().items():
         for node in tree.body:
             if isinstance(node, ast.Assign):
                 both = node.targets[0], node.value
@@ -205,7 +214,7 @@ BANNED = {"told", "begun", "pace", "Pace", "PACE", "STRETCH"}
 
 
 def test_names_are_no_banned_words():
-    for path, node in NODES:
+    for path, node in nodes():
         names = {getattr(node, field, None) for field in ("id", "arg", "name", "attr")}
         found = {name for name in names if isinstance(name, str)} & BANNED
         assert not found, (path, node.lineno)

@@ -48,29 +48,29 @@ def ageing(t):
 
 
 @pytest.mark.parametrize(
-    ("equation", "expected"),
+    ("made", "expected"),
     [
-        (hd.Equation(hd.Caputo(1.8) + 0.25 * hd.Caputo(0.8), spring, [1.0, 0.0]),
+        (lambda: hd.Equation(hd.Caputo(1.8) + 0.25 * hd.Caputo(0.8), spring, [1.0, 0.0]),
          "D1.8 y + 0.25 D0.8 y = spring(t, y)one component, from t = 0 on"),
-        (hd.Equation(hd.Caputo([0.5, 1.0]), spring, [1.0, 0.0]),
+        (lambda: hd.Equation(hd.Caputo([0.5, 1.0]), spring, [1.0, 0.0]),
          "D(0.5, 1) y = spring(t, y)2 components, from t = 0 on"),
-        (hd.Equation(hd.Caputo(1.8), friction, [1.0, 0.0], memory=-2 * hd.Caputo(0.5)),
+        (lambda: hd.Equation(hd.Caputo(1.8), friction, [1.0, 0.0], memory=-2 * hd.Caputo(0.5)),
          "D1.8 y = friction(t, y, memory), memory: -2 D0.5 yone component, from t = 0 on"),
-        (hd.Equation(hd.Caputo(1) - hd.RiemannLiouville(0.5), spring, 1.0),
+        (lambda: hd.Equation(hd.Caputo(1) - hd.RiemannLiouville(0.5), spring, 1.0),
          "D1 y \N{MINUS SIGN} 1 DRL0.5 y = spring(t, y)one component, from t = 0 on"),
-        (hd.Equation(np.eye(2) * hd.Caputo(0.5), spring, [1.0, 1.0]),
+        (lambda: hd.Equation(np.eye(2) * hd.Caputo(0.5), spring, [1.0, 1.0]),
          "[2 x 2 matrix] D0.5 y = spring(t, y)2 components, from t = 0 on"),
-        (hd.Equation(hd.Caputo(1) + hd.Memory(hd.Prony([1.0], [2.0]), 1), spring, 1.0),
+        (lambda: hd.Equation(hd.Caputo(1) + hd.Memory(hd.Prony([1.0], [2.0]), 1), spring, 1.0),
          "D1 y + \N{INTEGRAL} Prony(rates=(1.0,), weights=(2.0,)) y\N{PRIME} = spring(t, y)"
          "one component, from t = 0 on"),
-        (hd.scenes.subdiffusion(0.5, 3), "D0.5 y = A y3 components, from t = 0 on"),
-        (hd.Equation(hd.Caputo(ageing), lambda t, y: -y, 1.0),
+        (lambda: hd.scenes.subdiffusion(0.5, 3), "D0.5 y = A y3 components, from t = 0 on"),
+        (lambda: hd.Equation(hd.Caputo(ageing), lambda t, y: -y, 1.0),
          "Dageing(t) y = f(t, y)one component, from t = 0 on"),
     ],
     ids=["two terms", "components", "memory", "RL", "matrix", "kernel", "linear", "varying"],
 )  # fmt: skip
-def test_an_equation_is_its_formula(equation, expected):
-    assert Balance(equation._repr_html_()).text == expected
+def test_an_equation_is_its_formula(made, expected):
+    assert Balance(made()._repr_html_()).text == expected
 
 
 def test_names_that_say_nothing_are_left_out():

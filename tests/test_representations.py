@@ -1,14 +1,17 @@
 """What results show as text: their numbers, and how they ended."""
 
 import re
+from functools import cache
 
 import numpy as np
 import pytest
 
 import hereditary as hd
 
-DECAY = hd.Equation(hd.Caputo(0.5), lambda t, y, p: -p[0] * y, 1.0, params=[1.0])
-DRIVEN = hd.Equation(hd.Caputo(0.5), lambda t, y, p: np.cos(p[0] * t) - y, 0.0, params=[1.0])
+decaying = cache(lambda: hd.Equation(hd.Caputo(0.5), lambda t, y, p: -p[0] * y, 1.0, params=[1.0]))
+driven = cache(
+    lambda: hd.Equation(hd.Caputo(0.5), lambda t, y, p: np.cos(p[0] * t) - y, 0.0, params=[1.0])
+)
 TIMES = np.array([0.5, 1.0, 2.0])
 TIMES_OF_ROWS = np.linspace(0.0, 1.0, 11)
 
@@ -23,26 +26,30 @@ def late(t, y, memory):
 
 
 def fitted():
-    data = hd.solve(DECAY.replace(params=[1.5]), 2.0, rtol=1e-8)(TIMES)[:, 0] + [1e-3, 0.0, -1e-3]
-    return hd.fit(lambda rate: DECAY.replace(params=[rate]), TIMES, data, {"rate": 1.0})
+    data = hd.solve(decaying().replace(params=[1.5]), 2.0, rtol=1e-8)(TIMES)[:, 0] + [
+        1e-3,
+        0.0,
+        -1e-3,
+    ]
+    return hd.fit(lambda rate: decaying().replace(params=[rate]), TIMES, data, {"rate": 1.0})
 
 
 RESULTS = {
     r"FitResult\(rate = 1\.49\d+ \+- 0\.00\d+; cost .*condition is satisfied\.\)": fitted,
     r"LyapunovResult\(-0\.\d+ \(late .*, algebraic decay\); mode 'tangent', the run .* end\)": (
-        lambda: hd.lyapunov(DECAY, 20.0, 400)
+        lambda: hd.lyapunov(decaying(), 20.0, 400)
     ),
     r"Ensemble\(2 of 2 completed; 11 rows of 1 components\)": (
-        lambda: hd.ensemble(DECAY, 1.0, 10, params=[1.0, 2.0])
+        lambda: hd.ensemble(decaying(), 1.0, 10, params=[1.0, 2.0])
     ),
     r"Solution\(the run reached the end; 11 rows of 1 components, t = 0 \.\. 1\)": (
-        lambda: hd.solve(DECAY, 1.0, 10)
+        lambda: hd.solve(decaying(), 1.0, 10)
     ),
     r"FrequencyResponse\(2 responses, omega = 0\.5 \.\. 2; 0 turning points; the curve was .*\)": (
-        lambda: hd.frequency_response(DRIVEN, [0.5, 2.0])
+        lambda: hd.frequency_response(driven(), [0.5, 2.0])
     ),
     r"Sensitivities\(by params, y0; the run reached the end; 11 rows of 1 components\)": (
-        lambda: hd.sensitivities(DECAY, 1.0, t_eval=TIMES_OF_ROWS)
+        lambda: hd.sensitivities(decaying(), 1.0, t_eval=TIMES_OF_ROWS)
     ),
     r"PowerSpectrum\(peaks: 1, highest at 1\.[23]\d*; resolution 0\.\d+; \d+ frequencies\)": (
         lambda: hd.power_spectrum(np.sin(1.3 * np.arange(200.0)), 1.0, n_peaks=1)
@@ -69,7 +76,7 @@ def test_representations(shown):
 
 
 def test_an_ensemble_has_the_length_of_its_members():
-    assert len(hd.ensemble(DECAY, 1.0, 10, params=[1.0, 2.0, 3.0])) == 3
+    assert len(hd.ensemble(decaying(), 1.0, 10, params=[1.0, 2.0, 3.0])) == 3
 
 
 @pytest.mark.parametrize(("alpha", "order"), [(0.5, 8.5), (1.0, 9.0), (1.5, 8.5)])

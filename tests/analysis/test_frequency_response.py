@@ -1,6 +1,7 @@
 """Steady responses: transfer functions, and marches that have settled."""
 
 import itertools
+from functools import cache, partial
 
 import matplotlib
 import numpy as np
@@ -23,7 +24,9 @@ def coupled(t, x, dx, p):
     dx[1] = 0.5 * np.sin(p[0] * t) - 2.0 * x[1] + 0.3 * (x[0] - x[1])
 
 
-COUPLED = hd.Equation(hd.Caputo([1.7, 0.8]), coupled, np.zeros((2, 2)), params=[1.0])
+coupled_pair = cache(
+    lambda: hd.Equation(hd.Caputo([1.7, 0.8]), coupled, np.zeros((2, 2)), params=[1.0])
+)
 
 
 def duffing(force=0.3, hardening=0.5, beta=1.95, gamma=0.9, friction=0.1, y0=(0.0, 0.0)):
@@ -68,17 +71,20 @@ def test_values_that_the_force_reads_are_those_of_now():
 
 
 MATRIX = np.array([[1.0, 0.2], [-0.3, 1.0]])
-BEHIND_MATRIX = hd.Equation(MATRIX * hd.Caputo(0.8), coupled, [0.0, 0.0], params=[1.0])
+BEHIND_MATRIX = partial(hd.Equation, MATRIX * hd.Caputo(0.8), coupled, [0.0, 0.0], params=[1.0])
 
 
 @pytest.mark.parametrize(
-    ("equation", "left"),
-    [(COUPLED, lambda s: np.diag([s**1.7, s**0.8])), (BEHIND_MATRIX, lambda s: MATRIX * s**0.8)],
+    ("made", "left"),
+    [
+        (coupled_pair, lambda s: np.diag([s**1.7, s**0.8])),
+        (BEHIND_MATRIX, lambda s: MATRIX * s**0.8),
+    ],
     ids=["different orders", "a matrix"],
 )
-def test_coupled_components(equation, left):
+def test_coupled_components(made, left):
     omegas = np.array([2.5, 1.2, 0.4])
-    found = hd.frequency_response(equation, omegas, harmonics=2)
+    found = hd.frequency_response(made(), omegas, harmonics=2)
     for omega, coefficients in zip(omegas, found.coefficients, strict=True):
         matrix = left(1j * omega) + np.array([[1.3, -0.3], [-0.3, 2.3]])
         assert np.allclose(coefficients[:, 1], np.linalg.solve(matrix, [1.0, -0.5j]), atol=1e-12)
@@ -340,7 +346,7 @@ def test_peaks_beside_folds_do_not_depend_on_the_frequencies_asked_for(force):
 
 
 def test_several_components_have_a_legend():
-    found = hd.frequency_response(COUPLED, [0.5, 1.0, 1.5], harmonics=2)
+    found = hd.frequency_response(coupled_pair(), [0.5, 1.0, 1.5], harmonics=2)
     ax = hd.plots.frequency_response(found, components=[0, 1], label="x")
     texts = [text.get_text() for text in ax.get_legend().get_texts()]
     assert texts == ["x, component 0", "x, component 1"]

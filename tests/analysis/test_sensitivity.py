@@ -2,6 +2,7 @@
 
 import re
 import signal
+from functools import partial
 
 import mpmath
 import numpy as np
@@ -294,12 +295,14 @@ def cubes(t, y, p):
 
 MASS, FRICTION = np.array([[1.0, 0.3], [0.3, 1.0]]), np.array([[0.2, 0.1], [0.0, 0.3]])
 WITH_MEMORY = [
-    hd.Equation(hd.Caputo(order), recalling_twice, y0, params=[1.0, 0.5], memory=memory)
+    partial(hd.Equation, hd.Caputo(order), recalling_twice, y0, params=[1.0, 0.5], memory=memory)
     for order, y0 in ((0.7, [1.0]), (1.6, [1.0, 0.4]))
     for memory in (hd.Caputo(0.4), hd.Memory(hd.GammaDensity(3.0, 3.0), 0))
 ]
 WITH_MATRICES = [
-    hd.Equation(MASS * hd.Caputo(order) + FRICTION * hd.Caputo(0.3), cubes, y0, params=[1.0])
+    partial(
+        hd.Equation, MASS * hd.Caputo(order) + FRICTION * hd.Caputo(0.3), cubes, y0, params=[1.0]
+    )
     for order, y0 in ((0.7, [1.0, 0.5]), (1.6, [[1.0, 0.5], [0.0, 0.2]]))
 ]
 
@@ -308,7 +311,7 @@ WITH_MATRICES = [
 @pytest.mark.parametrize("place", range(6))
 def test_initial_values_beside_memory_and_matrices(place, how):
     """Components that stand for memory have no initial values of their own."""
-    equation = [*WITH_MEMORY, *WITH_MATRICES][place]
+    equation = [*WITH_MEMORY, *WITH_MATRICES][place]()
     if "n_steps" in how and place in (1, 3):
         how = how | {"scheme": hd.L1()}
     found = hd.sensitivities(equation, 2.0, **how)

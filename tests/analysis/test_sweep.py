@@ -312,21 +312,22 @@ def test_progress_counts_what_is_left(monkeypatch, tmp_path):
         assert drawn(executor=pool) == drawn(progress=False) == []
 
 
+TERMS = hd.Caputo(2.0) + 0.2 * hd.Caputo(0.9)
+
+
+def hardening(t, x, p):
+    return p[0] * np.cos(p[1] * t) - x - x**3
+
+
 def resonance(force, frequency, state):
     """Amplitude of a hardening spring with memory, 200 on from the last frequency."""
-    eq, params = SPRING, [force, frequency]
+    eq = hd.Equation(TERMS, hardening, [0.0, 0.0], params=[force, frequency])
     if state is None:
-        sol = hd.solve(eq.replace(params=params), 200.0, 4000, scheme=hd.BDF(2))
+        sol = hd.solve(eq, 200.0, 4000, scheme=hd.BDF(2))
     else:
-        sol = hd.solve(eq, state.t + 200.0, resume=state, params=params)
+        sol = hd.solve(eq, state.t + 200.0, resume=state, params=eq.params)
     amplitude = np.abs(sol.y[-1000:]).max()
     return {"amplitude": amplitude, "state": sol.state, "status": sol.status}
-
-
-TERMS = hd.Caputo(2.0) + 0.2 * hd.Caputo(0.9)
-SPRING = hd.Equation(
-    TERMS, lambda t, x, p: p[0] * np.cos(p[1] * t) - x - x**3, [0.0, 0.0], params=[0.8, 1.0]
-)
 
 
 def test_sweeps_up_and_down_show_hysteresis():

@@ -3,6 +3,7 @@
 import math
 from concurrent.futures import ThreadPoolExecutor
 from fractions import Fraction
+from functools import cache
 
 import mpmath
 import numpy as np
@@ -322,11 +323,13 @@ def test_a_basis_of_orders_that_vary_is_refined(closest):
 # What runs share, modes and workspaces, changes no result: neither order nor threads matter
 
 
-EQUATIONS = [
-    hd.Equation(operator, lambda t, y, p: -p[0] * y, np.ones(d), params=[rate])
-    for operator in (hd.Caputo(0.5), hd.Caputo(0.8), hd.Caputo(0.8) + 0.5 * hd.Caputo(0.3))
-    for d, rate in ((1, 1.0), (1, 3.0), (3, 1.0))
-]
+@cache
+def equations():
+    return [
+        hd.Equation(operator, lambda t, y, p: -p[0] * y, np.ones(d), params=[rate])
+        for operator in (hd.Caputo(0.5), hd.Caputo(0.8), hd.Caputo(0.8) + 0.5 * hd.Caputo(0.3))
+        for d, rate in ((1, 1.0), (1, 3.0), (3, 1.0))
+    ]
 
 
 def rows(equation, rtol=1e-6):
@@ -343,19 +346,19 @@ def forget():
 @pytest.fixture(scope="module")
 def alone():
     found = []
-    for equation in EQUATIONS:
+    for equation in equations():
         forget()
         found.append(rows(equation))
     return found
 
 
 def test_a_run_after_others_equals_one_with_everything_new(alone):
-    assert [rows(equation) for equation in EQUATIONS * 2] == alone * 2
+    assert [rows(equation) for equation in equations() * 2] == alone * 2
 
 
 def test_runs_in_threads_equal_those_alone(alone):
     with ThreadPoolExecutor(8) as pool:
-        assert list(pool.map(rows, EQUATIONS * 8)) == alone * 8
+        assert list(pool.map(rows, equations() * 8)) == alone * 8
 
 
 def test_workspaces_of_a_run_that_raised_serve_the_next_one(alone):
@@ -367,12 +370,12 @@ def test_workspaces_of_a_run_that_raised_serve_the_next_one(alone):
     forget()
     with pytest.warns(hd.SolveWarning, match="late"):
         hd.solve(hd.Equation(hd.Caputo(0.5), fails, 1.0, params=[1.0]), 2.0, rtol=1e-6)
-    assert rows(EQUATIONS[0]) == alone[0]
+    assert rows(equations()[0]) == alone[0]
 
 
 @pytest.mark.parametrize("changed", ["form", "s", "closest", "farthest", "tol"])
 def test_changed_modes_are_made_anew(changed):
-    forms = [integral_form(equation.system) for equation in EQUATIONS]
+    forms = [integral_form(equation.system) for equation in equations()]
     first = {"form": forms[0], "s": 8, "closest": 1e-3, "farthest": 10.0, "t_end": 1.0, "tol": 1e-9}
     other = {"form": forms[3], "s": 6, "closest": 1e-4, "farthest": 20.0, "tol": 1e-8}
     known = modes.opened_once(**first)
@@ -382,9 +385,9 @@ def test_changed_modes_are_made_anew(changed):
 
 
 def test_equations_with_the_same_terms_share_their_form():
-    forms = [integral_form(equation.system) for equation in EQUATIONS]
+    forms = [integral_form(equation.system) for equation in equations()]
     assert forms[0] is forms[1]
-    assert forms[0] is integral_form(EQUATIONS[0].replace(params=[7.0]).system)
+    assert forms[0] is integral_form(equations()[0].replace(params=[7.0]).system)
     assert len({id(form) for form in forms}) == 6
 
 

@@ -49,39 +49,39 @@ def moved(acceleration):
 
 
 WELLS = partial(scenes.duffing, friction=0.25, stiffness=-1.0, cubic=1.0, force=0.3, frequency=1.2)
-VAN_DER_POL_DUFFING = scenes.van_der_pol_duffing(2.0, 1.0, 0.7, 1.2, 0.3, 0.5, 1.1, 0.4, -0.2)
+VAN_DER_POL_DUFFING = 2.0, 1.0, 0.7, 1.2, 0.3, 0.5, 1.1, 0.4, -0.2
 # A scene, and the system of which it is a component or all of them.
 CLASSICAL = {
-    "Lorenz": (scenes.lorenz(), lorenz),
-    "Rossler": (scenes.rossler(), rossler),
-    "Rabinovich-Fabrikant": (scenes.rabinovich_fabrikant(), rabinovich_fabrikant),
-    "Brusselator": (scenes.brusselator(), brusselator),
-    "Selkov": (scenes.selkov(), selkov),
-    "Riccati": (scenes.riccati(1.0), lambda t, u: [1 + 2 * u[0] - u[0] ** 2]),
+    "Lorenz": (scenes.lorenz, lorenz),
+    "Rossler": (scenes.rossler, rossler),
+    "Rabinovich-Fabrikant": (scenes.rabinovich_fabrikant, rabinovich_fabrikant),
+    "Brusselator": (scenes.brusselator, brusselator),
+    "Selkov": (scenes.selkov, selkov),
+    "Riccati": (partial(scenes.riccati, 1.0), lambda t, u: [1 + 2 * u[0] - u[0] ** 2]),
     "Ueda": (
-        scenes.duffing(),
+        scenes.duffing,
         moved(lambda t, x, v: 7.5 * math.cos(t) - 0.05 * v - x**3),
     ),
     "two wells": (
-        WELLS(x0=0.5),
+        partial(WELLS, x0=0.5),
         moved(lambda t, x, v: 0.3 * math.cos(1.2 * t) - 0.25 * v + x - x**3),
     ),
     "van der Pol": (
-        scenes.van_der_pol(mu=5.0, force=5.0, frequency=2.466),
+        partial(scenes.van_der_pol, mu=5.0, force=5.0, frequency=2.466),
         moved(lambda t, x, v: 5 * (1 - x**2) * v - x + 5 * math.cos(2.466 * t)),
     ),
     "van der Pol-Duffing": (
-        VAN_DER_POL_DUFFING,
+        partial(scenes.van_der_pol_duffing, *VAN_DER_POL_DUFFING),
         moved(
             lambda t, x, v: -0.7 * (x**2 - 1) * v - 1.2 * x - 0.3 * x**3 + 0.5 * math.cos(1.1 * t)
         ),
     ),
     "van der Pol-Airy": (
-        scenes.van_der_pol_airy(2.0, 1.0, 0.4, 0.5, 0.4, -0.2),
+        partial(scenes.van_der_pol_airy, 2.0, 1.0, 0.4, 0.5, 0.4, -0.2),
         moved(lambda t, x, v: -0.4 * (x**2 - 1) * v - 0.5 * t * x),
     ),
     "Mathieu": (
-        scenes.mathieu(2.0, 1.0, 0.2, 0.3, 0.4, 1.5, 0.4, -0.2),
+        partial(scenes.mathieu, 2.0, 1.0, 0.2, 0.3, 0.4, 1.5, 0.4, -0.2),
         moved(lambda t, x, v: -0.2 * v - (0.3 + 0.4 * math.cos(1.5 * t)) * x),
     ),
 }
@@ -89,7 +89,8 @@ CLASSICAL = {
 
 @pytest.mark.parametrize("name", CLASSICAL)
 def test_without_memory_scenes_are_classical_systems(name):
-    equation, rhs = CLASSICAL[name]
+    scene, rhs = CLASSICAL[name]
+    equation = scene()
     t_end = 2.0 if name == "Lorenz" else 8.0
     exact = classical(rhs, t_end, equation.y0.ravel())[: equation.d]
     off = np.abs(hd.solve(equation, t_end, rtol=1e-10).y[-1] - exact).max()

@@ -86,7 +86,8 @@ BOUNDS = {"below one": (1.4e-2, 9.8e-4), "above one": (7.6e-3, 5.4e-4), "both": 
 
 def order_shown(name, scheme, counts, history, graded=False):
     """Return the order that errors over all times show, less the one that is stated, and errors."""
-    equation, speed = MADE[name]
+    make, speed = MADE[name]
+    equation = make()
     errors = []
     for n in counts:
         steps = {"mesh": hd.graded(n, 1.5)} if graded else {"n_steps": n}

@@ -36,7 +36,7 @@ def forced_both(t, y):
 BOTH = [hd.Caputo(beta), 0.5 * hd.Caputo(alpha)]
 # Equations with the solutions 1 + v t + t**3, and v.
 MADE = {
-    "below one": (hd.Equation(hd.Caputo(alpha), forced_below, 1.0), 0),
-    "above one": (hd.Equation(hd.Caputo(beta), forced_above, [1.0, 2.0]), 2),
-    "both": (hd.Equation(BOTH, forced_both, [1.0, 2.0]), 2),
+    "below one": (lambda: hd.Equation(hd.Caputo(alpha), forced_below, 1.0), 0),
+    "above one": (lambda: hd.Equation(hd.Caputo(beta), forced_above, [1.0, 2.0]), 2),
+    "both": (lambda: hd.Equation(BOTH, forced_both, [1.0, 2.0]), 2),
 }

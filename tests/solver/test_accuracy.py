@@ -5,6 +5,7 @@ import signal
 import time
 import warnings
 from concurrent.futures import ThreadPoolExecutor
+from functools import cache
 
 import numpy as np
 import pytest
@@ -164,7 +165,7 @@ def test_reasons_are_about_the_run():
     assert stats["error_unknown"] == "no row is after the start"
     stats = hd.solve(eq, 30.0, resume=hd.solve(eq, 1.0, 100).state).stats
     assert stats["error_unknown"].endswith("the end of its history, got a run to 30.0")
-    sol, _ = quietly(GROWING, 3.0, 60)
+    sol, _ = quietly(growing(), 3.0, 60)
     assert not sol.success
     assert sol.stats["error_estimate"] is None
     assert "no success" in sol.stats["error_unknown"]
@@ -223,12 +224,12 @@ def test_a_map_and_what_collocation_refuses_have_no_estimate():
     assert "a run to rtol=1e-4 is not possible" in sol.stats["error_unknown"]
 
 
-GROWING = hd.Equation(hd.Caputo(1), lambda t, y: y * y, 1.0)
+growing = cache(lambda: hd.Equation(hd.Caputo(1), lambda t, y: y * y, 1.0))
 
 
 @pytest.mark.parametrize("t_eval", [None, [2.9, 3.0]])
 def test_steps_beyond_the_time_at_which_the_solution_ends_are_no_success_in_silence(t_eval):
-    sol, (seen,) = quietly(GROWING, 3.0, 10, t_eval=t_eval)
+    sol, (seen,) = quietly(growing(), 3.0, 10, t_eval=t_eval)
     assert sol.success
     assert sol.stats["error_estimate"] is None
     assert "ends at t = 1: the solution stopped being finite, which 10 steps" in seen
@@ -423,7 +424,7 @@ def test_what_cannot_be_checked_is_refused(tmp_path):
     for rtol in (2.0, 0.0):
         with pytest.raises(ValueError, match="rtol must"):
             sol.check(rtol=rtol)
-    late, _ = quietly(GROWING, 3.0, 10, t_eval=[2.9])
+    late, _ = quietly(growing(), 3.0, 10, t_eval=[2.9])
     with pytest.raises(RuntimeError, match=r"finite .* no row of this run is before that"):
         late.check()
 

@@ -1,7 +1,7 @@
 """Changes of y by events and at stated times; each exact zero of drawn events acts once."""
 
 from collections.abc import Callable
-from functools import partial
+from functools import cache, partial
 from math import gamma
 from typing import NamedTuple
 
@@ -98,12 +98,12 @@ def test_a_kernel_that_acts_on_y_sees_the_jump():
     assert abs(sol.y[-1, 0] - other.y[-1, 0]) < 1e-9
 
 
-DECAY = hd.Equation(C(0.7), decay, 1.0)
+decaying = cache(lambda: hd.Equation(C(0.7), decay, 1.0))
 
 
 def risen(**how):
     """A decay that rises by 1 at t = 1."""
-    return hd.solve(DECAY, 2.0, events=at_one(add(1.0)), **how)
+    return hd.solve(decaying(), 2.0, events=at_one(add(1.0)), **how)
 
 
 BOTH_WAYS = pytest.mark.parametrize("how", [{"rtol": 1e-8}, {"n_steps": 100}], ids=str)
@@ -111,7 +111,7 @@ BOTH_WAYS = pytest.mark.parametrize("how", [{"rtol": 1e-8}, {"n_steps": 100}], i
 
 @BOTH_WAYS
 def test_rows_and_dense_output_show_both_sides(how):
-    sol, plain = risen(**how), hd.solve(DECAY, 2.0, **how)
+    sol, plain = risen(**how), hd.solve(decaying(), 2.0, **how)
     (where,) = np.flatnonzero(np.diff(sol.t) == 0)
     before, after = sol.y[where : where + 2, 0]
     assert sol.t[where] == pytest.approx(1.0, abs=1e-12)
@@ -136,9 +136,9 @@ def test_both_sides_are_saved_beside_every_30th_step():
 @pytest.mark.parametrize("scheme", GIVEN, ids=repr)
 def test_given_steps_converge_to_the_jump(scheme, history):
     jump = {"events": at_one(add(1.0))}
-    sought = hd.solve(DECAY, 2.0, rtol=1e-10, **jump).y[-1]
+    sought = hd.solve(decaying(), 2.0, rtol=1e-10, **jump).y[-1]
     how = {"scheme": scheme, "history": history, **jump}
-    errors = errors_of(at_end, sought, (500, 1000), DECAY, 2.0, **how)
+    errors = errors_of(at_end, sought, (500, 1000), decaying(), 2.0, **how)
     assert errors[1] < 2e-3
     assert np.log2(errors[0] / errors[1]) > 0.85
 
@@ -216,8 +216,8 @@ def test_a_run_with_jumps_goes_on_from_its_state():
         assert first.t_events[0].size + rest.t_events[0].size == whole.t_events[0].size
 
 
-FREE = hd.Equation(C(1.0), lambda t, y: np.array([y[1], 0.0]), [0.5, 1.0])
-FALLING = hd.Equation(C(1.0), lambda t, y: np.array([y[1], -1.0]), [1.0, 0.0])
+free = cache(lambda: hd.Equation(C(1.0), lambda t, y: np.array([y[1], 0.0]), [0.5, 1.0]))
+falling = cache(lambda: hd.Equation(C(1.0), lambda t, y: np.array([y[1], -1.0]), [1.0, 0.0]))
 
 
 @pytest.mark.parametrize("order", [0.8, 1.0])
@@ -234,20 +234,20 @@ def test_a_change_that_leads_further_acts_once(scheme, order):
 @pytest.mark.parametrize("e", [0.8, 0.3, 0.1, 2e-3, 1e-3, 3e-4, 0.0])
 def test_a_bouncing_ball_comes_to_an_end(e):
     words, events = "follow each other without end", floor(e, direction=-1)
-    sol = warned(words, FALLING, 20.0, rtol=1e-9, events=events)
+    sol = warned(words, falling(), 20.0, rtol=1e-9, events=events)
     assert sol.status is hd.Status.PILED_UP
     flights = np.sqrt(2) * np.cumsum([1, *(2 * e**k for k in range(1, sol.t_events[0].size))])
     assert np.abs(sol.t_events[0] - flights).max() < (1e-7 if e else 2e-7)
     assert abs(sol.t[-1] - np.sqrt(2) * (1 + 2 * e / (1 - e))) < 1e-3
     assert sol.y[:, 0].min() > -1e-9
-    rest = warned("without end", FALLING, 20.0, resume=sol.state, events=events)
+    rest = warned("without end", falling(), 20.0, resume=sol.state, events=events)
     assert rest.status is hd.Status.PILED_UP  # it stays there
     assert rest.y[:, 0].min() > -1e-9
 
 
 @pytest.mark.parametrize("how", [{"n_steps": 1000}, {"mesh": hd.graded(1000, 1.5)}], ids=str)
 def test_a_bouncing_ball_comes_to_an_end_on_given_steps(how):
-    how, eq = how | {"events": floor(0.7, direction=-1)}, FALLING.replace(y0=[0.1, 0.0])
+    how, eq = how | {"events": floor(0.7, direction=-1)}, falling().replace(y0=[0.1, 0.0])
     sol = warned("follow each other without end", eq, 3.0, scheme=hd.L1(), **how)
     assert sol.status is hd.Status.PILED_UP
     assert sol.t[-1] == pytest.approx(np.sqrt(0.2) * (1 + 2 * 0.7 / 0.3), rel=0.1)
@@ -266,7 +266,7 @@ def test_terminal_counts_and_other_events_go_along():
 
 def test_bad_changes_end_the_run():
     for change in (lambda t, y: np.zeros(2), lambda t, y: np.nan * y, lambda t, y: "x"):
-        sol = warned("change", DECAY, 2.0, rtol=1e-6, events=at_one(change))
+        sol = warned("change", decaying(), 2.0, rtol=1e-6, events=at_one(change))
         assert sol.status is hd.Status.EVENT_FAILED
         assert sol.t[-1] == pytest.approx(1.0)
     varying = hd.Equation(C(lambda t: 0.8 - 0.1 * t), decay, 1.0)
@@ -279,7 +279,7 @@ def test_doses_at_times_of_steps_and_one_a_step():
     ways = [{"n_steps": n, "scheme": hd.L1()} for n in (20, 200, 1000)]
     ends = []
     for how in (*ways, {"rtol": 1e-9}):
-        sol = hd.solve(DECAY, 10.0, **how, events=doses)
+        sol = hd.solve(decaying(), 10.0, **how, events=doses)
         assert sol.status is hd.Status.COMPLETED
         assert sol.t_events[0] == pytest.approx(np.arange(10) + 0.5, abs=1e-9)
         ends.append(sol.y[-1, 0])
@@ -304,11 +304,11 @@ def test_a_terminal_event_changes_y_before_it_ends_the_run():
     late = lambda t, y: t - 1.0005  # noqa: E731
     stop = event(late, change=add(1.0), terminal=True)
     for how in ({"rtol": 1e-9}, {"n_steps": 2000}):
-        whole = hd.solve(DECAY, 2.0, **how, events=event(late, change=add(1.0)))
-        part = hd.solve(DECAY, 2.0, **how, events=stop)
+        whole = hd.solve(decaying(), 2.0, **how, events=event(late, change=add(1.0)))
+        part = hd.solve(decaying(), 2.0, **how, events=stop)
         assert part.status is hd.Status.EVENT
         assert part.y[-1, 0] - part.y[-2, 0] == pytest.approx(1.0, abs=1e-9)
-        rest = completed(DECAY, 2.0, resume=part.state, events=stop)
+        rest = completed(decaying(), 2.0, resume=part.state, events=stop)
         assert rest.t_events[0].size == 0
         assert abs(rest.y[-1, 0] - whole.y[-1, 0]) < 1e-8
 
@@ -336,7 +336,7 @@ def test_a_change_elsewhere_is_made_once(alpha, start, rtol, either):
 def test_balls_that_keep_their_height_stay_above_the_floor(how, e, direction):
     """SciPy's users write [y[0], -e y[1]]; errors left it below, from where it fell."""
     how = on_steps(how, 8000) | {"events": floor(e, kept=1.0, direction=direction)}
-    sol = warned("", FALLING, 10.0, **how)
+    sol = warned("", falling(), 10.0, **how)
     assert not sol.success
     assert sol.y[:, 0].min() > -1e-2
     assert sol.t_events[0][0] == pytest.approx(np.sqrt(2), abs=3e-3)
@@ -374,7 +374,7 @@ def test_a_run_that_grazes_a_zero_goes_on(above, rtol):
 def test_a_mirror_acts_once_where_it_falls_on_a_step(scheme, n):
     back = lambda t, y: np.array([-y[0] if y[0] < 0 else 2.0 - y[0], -y[1]])  # noqa: E731
     mirror = event(lambda t, y: y[0] * (1.0 - y[0]), change=back)
-    sol = hd.solve(FREE.replace(y0=[0.5, 7.3]), 10.0, n, scheme=scheme, events=mirror)
+    sol = hd.solve(free().replace(y0=[0.5, 7.3]), 10.0, n, scheme=scheme, events=mirror)
     assert sol.t_events[0].size == 73
     assert sol.y[-1] == pytest.approx([0.5, -7.3], abs=1e-9)
 
@@ -442,11 +442,11 @@ def test_doses_at_stated_times_add_solutions(how):
 def test_a_run_after_its_last_interruption_keeps_the_rows_it_is_asked_for(interrupted, how):
     """To its very end, and each n-th step only; where it is interrupted there is a row as well."""
     times = [0.0, 0.5, 1.0, 2.0]
-    sol = hd.solve(DECAY, 2.0, **how, **interrupted)
-    rows = hd.solve(DECAY, 2.0, **how, **interrupted, t_eval=times)
+    sol = hd.solve(decaying(), 2.0, **how, **interrupted)
+    rows = hd.solve(decaying(), 2.0, **how, **interrupted, t_eval=times)
     assert rows.t.tolist() == times
     assert rows.y[-1] == pytest.approx(sol.y[-1], rel=1e-12)
-    some = hd.solve(DECAY, 2.0, **how, **interrupted, save_every=100)
+    some = hd.solve(decaying(), 2.0, **how, **interrupted, save_every=100)
     steps = np.linspace(0.0, 2.0, 11) if "n_steps" in how else np.array([0.0, 2.0])
     others = {t for t in some.t.tolist() if np.abs(steps - t).min() > 1e-12}
     assert len(others) == (len(sol.t_events[0]) if sol.t_events else 1)
@@ -460,7 +460,7 @@ def test_coinciding_changes_act_in_order(end, order):
     first, second = (changes[k] for k in order)
     fire = event(lambda t, y: t - np.nextafter(1.0, 0.0), change=second, terminal=end == 2.0)
     acts = {"breaks": [1.0 - 2e-16], "events": fire, "changes": {1.0: first}}
-    sol = hd.solve(DECAY, end, rtol=1e-8, **acts)
+    sol = hd.solve(decaying(), end, rtol=1e-8, **acts)
     before = hd.exact.relaxation(0.7)(1.0)[0]
     assert sol.y[-1, 0] == pytest.approx(second(1.0, first(1.0, before)), abs=1e-7)
     assert sol.t[-1] == pytest.approx(1.0, abs=1e-15)

@@ -313,7 +313,7 @@ def late_relay(t, y, late, p):
 
 
 # A delay that is no multiple of the step of 1/50: it is read inside the first steps.
-LATE = hd.Equation(hd.Caputo(1.4), late_relay, [1.0, -0.5], [0.5], memory=hd.Delay(0.413))
+LATE = hd.Caputo(1.4), late_relay, [1.0, -0.5]
 OF_EACH_KIND = [
     hd.ExplicitCaputo(),
     hd.GrunwaldLetnikov(),
@@ -329,7 +329,8 @@ OF_EACH_KIND = [
 @pytest.mark.parametrize("jump", [0.0, 0.5])
 def test_the_steps_of_one_call_do_not_matter(scheme, jump, monkeypatch):
     """Bit for bit, also with a delay and a switch: measured times say how many steps they are."""
-    equation, times, found = LATE.replace(params=[jump]), np.linspace(0.0, 1.0, 97), []
+    equation = hd.Equation(*LATE, [jump], memory=hd.Delay(0.413))
+    times, found = np.linspace(0.0, 1.0, 97), []
     how = {"switches": lambda t, y: y[0] - 0.6} if jump else {}
     for n in (50, 17, 3, 1):
         monkeypatch.setattr(FixedStepper, "_steps_at_once", lambda self, n=n: n)

@@ -2,6 +2,7 @@
 
 import pickle
 import re
+from functools import cache
 
 import matplotlib
 import numpy as np
@@ -121,13 +122,17 @@ def growing(t, y, z, p):
     return p[0] * y * (1 - z[0])
 
 
-REACTS = hd.Equation(hd.Caputo(0.9), growing, 0.5, [1.5], memory=hd.Delay(1.0))
+@cache
+def reacts():
+    return hd.Equation(hd.Caputo(0.9), growing, 0.5, [1.5], memory=hd.Delay(1.0))
+
+
 TIGHT = {"rtol": 1e-8}
 END = 5.0
 
 
-def end(equation=REACTS, **how):
-    return hd.solve(equation, END, **(how or TIGHT)).y[-1, 0]
+def end(equation=None, **how):
+    return hd.solve(equation or reacts(), END, **(how or TIGHT)).y[-1, 0]
 
 
 def test_mackey_and_glass():
@@ -147,11 +152,11 @@ def test_switches():
 
 def test_resumed_runs_have_the_past_of_one_delay():
     """Also where the equation ran between the two parts."""
-    first = hd.solve(REACTS, 2.3, scheme=hd.Collocation(horizon=END), **TIGHT)
+    first = hd.solve(reacts(), 2.3, scheme=hd.Collocation(horizon=END), **TIGHT)
     state, whole = pickle.loads(pickle.dumps(first)).state, end()
     assert end(resume=state) == pytest.approx(whole, abs=1e-9)
     scheme = hd.BDF(2)
-    half = hd.solve(REACTS, 2.5, 250, scheme=scheme)
+    half = hd.solve(reacts(), 2.5, 250, scheme=scheme)
     state = pickle.loads(pickle.dumps(half)).state
     assert end(resume=state) == end(n_steps=500, scheme=scheme)
 
@@ -230,10 +235,10 @@ level.terminal = 3
 
 
 def test_events_and_changes():
-    found, rough = (hd.solve(REACTS, END, events=level, **how) for how in (TIGHT, STEPS))
+    found, rough = (hd.solve(reacts(), END, events=level, **how) for how in (TIGHT, STEPS))
     assert found.t_events[0].size == 3
     assert found.t_events[0] == pytest.approx(rough.t_events[0], abs=1e-4)
-    later = hd.solve(REACTS, END, events=level, scheme=hd.Collocation(horizon=END), **TIGHT)
+    later = hd.solve(reacts(), END, events=level, scheme=hd.Collocation(horizon=END), **TIGHT)
     assert later.status == "event"
     assert end(resume=later.state) == pytest.approx(end(), abs=1e-9)
     lifted, rough = (end(changes={2.0: lambda t, y: y + 0.3}, **how) for how in (TIGHT, STEPS))
@@ -242,12 +247,12 @@ def test_events_and_changes():
 
 def test_members_and_fits():
     for how in (TIGHT, {"n_steps": 2000, "scheme": hd.BDF(2)}):
-        members = hd.ensemble(REACTS, END, params=[[1.0], [1.5]], **how).y[:, -1, 0]
-        alone = [end(REACTS.replace(params=[p]), **how) for p in (1.0, 1.5)]
+        members = hd.ensemble(reacts(), END, params=[[1.0], [1.5]], **how).y[:, -1, 0]
+        alone = [end(reacts().replace(params=[p]), **how) for p in (1.0, 1.5)]
         assert members == pytest.approx(alone, abs=1e-12)
 
     def model(tau):
-        return REACTS.replace(memory=hd.Delay(tau))
+        return reacts().replace(memory=hd.Delay(tau))
 
     times = np.linspace(0.2, END, 30)
     data = hd.solve(model(0.8), END, rtol=1e-10, t_eval=times).y
@@ -261,27 +266,30 @@ def several(t, y, z):
 
 SEVERAL = [hd.Delay(1.0), hd.Caputo(0.4), hd.Delay(0.37, past=lambda t: 1 + t)]
 VARYING = hd.Delay(lambda t: 1 + 0.5 * np.sin(t), past=np.cos)
-OTHERS = [
-    hd.Equation(hd.Caputo(0.9), several, 1.0, memory=SEVERAL),
-    hd.Equation(hd.Caputo(0.9), lambda t, y, z: -z[0], 1.0, memory=VARYING),
-    hd.Equation(hd.Caputo(0.9), lambda t, y, z: 1j * z[0], 1.0 + 0j, memory=hd.Delay(1.0)),
-    hd.Equation(
+OTHERS = {
+    "several": lambda: hd.Equation(hd.Caputo(0.9), several, 1.0, memory=SEVERAL),
+    "varying": lambda: hd.Equation(hd.Caputo(0.9), lambda t, y, z: -z[0], 1.0, memory=VARYING),
+    "complex": lambda: hd.Equation(
+        hd.Caputo(0.9), lambda t, y, z: 1j * z[0], 1.0 + 0j, memory=hd.Delay(1.0)
+    ),
+    "later": lambda: hd.Equation(
         hd.Caputo(0.9), lambda t, y, z: -z[0] + np.sin(t), 1.0, memory=VARYING, t_start=3.0
     ),
-    hd.Equation(hd.Caputo(1.8), lambda t, x, z: -x - 0.3 * z[0], [1.0, 0.2], memory=hd.Delay(1.0)),
-    hd.Equation(
+    "above 1": lambda: hd.Equation(
+        hd.Caputo(1.8), lambda t, x, z: -x - 0.3 * z[0], [1.0, 0.2], memory=hd.Delay(1.0)
+    ),
+    "two": lambda: hd.Equation(
         hd.Caputo([0.9, 0.7]),
         lambda t, y, z: np.array([-z[0, 1], z[0, 0] - y[1]]),
         [1.0, 0.5],
         memory=hd.Delay(0.8, past=[0.9, 0.5]),
     ),
-]
+}
 
 
-@pytest.mark.parametrize(
-    "equation", OTHERS, ids=["several", "varying", "complex", "later", "above 1", "two"]
-)
-def test_other_delays(equation):
+@pytest.mark.parametrize("name", OTHERS)
+def test_other_delays(name):
+    equation = OTHERS[name]()
     last = equation.t_start + END
     tight = hd.solve(equation, last, rtol=1e-10).y[-1]
     assert hd.solve(equation, last, rtol=1e-7).y[-1] == pytest.approx(tight, abs=1e-6)
@@ -291,7 +299,7 @@ def test_other_delays(equation):
 
 def test_a_right_hand_side_in_python_and_a_jacobian():
     with pytest.warns(hd.PythonFunctionWarning):
-        called = REACTS.replace(rhs=lambda t, y, z, p: [p[0] * float(str(y[0])) * (1 - z[0, 0])])
+        called = reacts().replace(rhs=lambda t, y, z, p: [p[0] * float(str(y[0])) * (1 - z[0, 0])])
     assert end(called, rtol=1e-6) == pytest.approx(end(), abs=1e-6)
 
     def jac(t, y, z, p):
@@ -307,9 +315,9 @@ def test_a_right_hand_side_in_python_and_a_jacobian():
 
 
 def test_plots_of_the_delayed_value():
-    axes = hd.plots.phase_portrait(hd.solve(REACTS, END, **TIGHT), delay=1.0)
+    axes = hd.plots.phase_portrait(hd.solve(reacts(), END, **TIGHT), delay=1.0)
     x, y = axes.lines[0].get_data()
-    assert x[0] == pytest.approx(hd.solve(REACTS, END, **TIGHT)(1.0)[0], abs=1e-6)
+    assert x[0] == pytest.approx(hd.solve(reacts(), END, **TIGHT)(1.0)[0], abs=1e-6)
     assert y[0] == pytest.approx(0.5)
 
 
@@ -404,11 +412,11 @@ REFUSED = [
     ),
     (lambda: hd.solve(simple(tau=lambda t: 1 + 2 * t), 3.0), "tau must grow slower than t"),
     (lambda: hd.solve(simple(tau=0.1), 5.0, 40), "tau must be at least a step h on given steps"),
-    (lambda: hd.lyapunov(REACTS, 2.0, **TIGHT), 'mode must be "pair" with delays'),
-    (lambda: hd.lyapunov(REACTS, 2.0, mode="pair", **TIGHT), 'mode must be "tangent" with Coll'),
-    (lambda: REACTS.jacobian(0.0, [0.5]), "rhs must read no memory"),
+    (lambda: hd.lyapunov(reacts(), 2.0, **TIGHT), 'mode must be "pair" with delays'),
+    (lambda: hd.lyapunov(reacts(), 2.0, mode="pair", **TIGHT), 'mode must be "tangent" with Coll'),
+    (lambda: reacts().jacobian(0.0, [0.5]), "rhs must read no memory"),
     (
-        lambda: hd.plots.phase_portrait(hd.solve(REACTS, END, **TIGHT), delay=9.0),
+        lambda: hd.plots.phase_portrait(hd.solve(reacts(), END, **TIGHT), delay=9.0),
         "delay must be shorter than the solution",
     ),
 ]

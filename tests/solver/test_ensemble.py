@@ -8,6 +8,7 @@ import signal
 import sys
 import threading
 import warnings
+from functools import cache
 
 import numpy as np
 import pytest
@@ -23,13 +24,15 @@ def decay(t, y, p):
     return -p[0] * y
 
 
-DECAY = hd.Equation(hd.Caputo(0.8), decay, 1.0, [1.0])
-ABSORBED = hd.Equation(
-    hd.Caputo(0.8),
-    lambda t, y, p: [-p[0] * y[0], p[0] * y[0] - p[1] * y[1]],  # from the gut into the blood
-    [1.0, 0.0],
-    [1.0, 0.5],
-)
+decaying = cache(lambda: hd.Equation(hd.Caputo(0.8), decay, 1.0, [1.0]))
+
+
+def passing(t, y, p):
+    """From the gut into the blood."""
+    return [-p[0] * y[0], p[0] * y[0] - p[1] * y[1]]
+
+
+absorbed = cache(lambda: hd.Equation(hd.Caputo(0.8), passing, [1.0, 0.0], [1.0, 0.5]))
 
 
 def alone(equation, tables, m, t_end, *arguments, **how):
@@ -130,14 +133,14 @@ def test_members_take_what_single_runs_take(ability, way):
     given = dict(ABILITIES[ability])
     each, how = given.pop("each", None), WAYS[way]
     more = {} if each is None else {"changes": each}
-    found = hd.ensemble(ABSORBED, 2.0, **tables, **how, **given, **more)
+    found = hd.ensemble(absorbed(), 2.0, **tables, **how, **given, **more)
     assert found.success.all()
     for m in range(3):
         own = given if each is None else {"changes": each[m]}
-        sol = alone(ABSORBED, tables, m, 2.0, **how | own | {"t_eval": found.t})
+        sol = alone(absorbed(), tables, m, 2.0, **how | own | {"t_eval": found.t})
         assert_equal(found, m, sol, 1e-9 if "rtol" in how else 0.0)
         if "n_steps" in how:  # each row of the run itself; a change has one before it and one after
-            run = alone(ABSORBED, tables, m, 2.0, **how, **own)
+            run = alone(absorbed(), tables, m, 2.0, **how, **own)
             after = np.append(np.diff(run.t) > 0, True) & np.isin(run.t, found.t)
             assert np.array_equal(found.y[m, : after.sum()], run.y[after])
 
@@ -171,45 +174,53 @@ SWINGING = hd.Caputo(1.8) + 0.3 * hd.Caputo(0.7)
 # Equations of two parameters: initial values, ends, and parameters of five members.
 RATES = [[0.7, 1.3], [1.0, 0.9], [1.4, 1.0], [0.5, 2.0], [3.0, 1.0]]
 MARCHED = {
-    "orders above 1": (hd.Equation(SWINGING, swing, [1.0, 0.3], RATES[0]), 20.0, RATES),
+    "orders above 1": (lambda: hd.Equation(SWINGING, swing, [1.0, 0.3], RATES[0]), 20.0, RATES),
     "at rest, later start": (
-        hd.Equation(
+        lambda: hd.Equation(
             hd.Caputo(2.0) + 0.2 * hd.Caputo(0.5), swing, [0.0, 0.0], RATES[0], t_start=3.0
         ),
         23.0,
         [*RATES, [0.0, 1.0]],
     ),
     "orders that differ": (
-        hd.Equation(hd.Caputo([0.6, 0.95]), oscillator, [2.0, 0.0], RATES[0]),
+        lambda: hd.Equation(hd.Caputo([0.6, 0.95]), oscillator, [2.0, 0.0], RATES[0]),
         10.0,
         RATES,
     ),
     "complex": (
-        hd.Equation(
+        lambda: hd.Equation(
             hd.Caputo(1.7), lambda t, y, p: (-p[0] + 1j * p[1]) * y, [[0.5 + 1j], [0j]], RATES[0]
         ),
         2.0,
         RATES,
     ),
-    "no memory": (hd.Equation(hd.Caputo(1.0), oscillator, [2.0, 0.0], RATES[0]), 20.0, RATES),
+    "no memory": (
+        lambda: hd.Equation(hd.Caputo(1.0), oscillator, [2.0, 0.0], RATES[0]),
+        20.0,
+        RATES,
+    ),
     "many batches": (
-        hd.Equation(hd.Caputo(0.99), attractor, np.ones(3), [28.0, 2.6]),
+        lambda: hd.Equation(hd.Caputo(0.99), attractor, np.ones(3), [28.0, 2.6]),
         12.0,
         [[28.0, 2.6], [20.0, 2.6]],
     ),
     "blow-up": (
-        hd.Equation(hd.Caputo(0.8), growth, 1.0, [1.0, 2.0]),
+        lambda: hd.Equation(hd.Caputo(0.8), growth, 1.0, [1.0, 2.0]),
         1.0,
         [[0.1, 2.0], [3.0, 2.0], [0.3, 1.0], [30.0, 3.0]],
     ),
-    "an edge": (hd.Equation(hd.Caputo(0.7), tank, 0.0, RATES[0]), 2.0, [*RATES, [0.0, 1.0]]),
+    "an edge": (
+        lambda: hd.Equation(hd.Caputo(0.7), tank, 0.0, RATES[0]),
+        2.0,
+        [*RATES, [0.0, 1.0]],
+    ),
     "far units": (
-        hd.Equation(hd.Caputo(0.8), reached, [0.0, 0.0], RATES[0]),
+        lambda: hd.Equation(hd.Caputo(0.8), reached, [0.0, 0.0], RATES[0]),
         8.0,
         [[1e60, 1.0], [1e-9, 1.0], [1.0, 0.1], [1e9, 1.0]],
     ),
     "stiff": (
-        hd.Equation(hd.Caputo(0.5), lambda t, y, p: p[1] - p[0] * y, 0.0, RATES[0]),
+        lambda: hd.Equation(hd.Caputo(0.5), lambda t, y, p: p[1] - p[0] * y, 0.0, RATES[0]),
         10.0,
         [[1e-3, 1.0], [1.0, 1.0], [1e6, 1.0]],
     ),
@@ -219,7 +230,8 @@ MARCHED = {
 @pytest.mark.filterwarnings("ignore::hereditary.SolveWarning")
 @pytest.mark.parametrize("name", MARCHED)
 def test_members_by_a_tolerance_are_the_runs_by_themselves(name):
-    equation, t_end, params = MARCHED[name]
+    make, t_end, params = MARCHED[name]
+    equation = make()
     times = np.linspace(equation.t_start, t_end, 7)
     how = {"rtol": 1e-6, "t_eval": times}
     found = hd.ensemble(equation, t_end, params=params, threads=1, **how)
@@ -233,7 +245,7 @@ def test_members_by_a_tolerance_are_the_runs_by_themselves(name):
 
 def test_members_that_an_event_ends_are_successful_and_have_their_times():
     rates = [[0.5, 1.0], [3.0, 1.0], [0.01, 1.0]]
-    found = hd.ensemble(ABSORBED, 2.0, 100, params=rates, events=last)
+    found = hd.ensemble(absorbed(), 2.0, 100, params=rates, events=last)
     assert found.status.tolist() == ["completed", "event", "completed"]
     assert found.success.all()
     assert sorted(found.messages) == [1]
@@ -325,8 +337,8 @@ def test_functions_called_in_python():
             return -p[0] * y
 
     with pytest.warns(hd.PythonFunctionWarning):
-        called = DECAY.replace(rhs=Decay())
-    found, compiled = (hd.ensemble(e, 1.0, 40, params=[0.5, 2.0]) for e in (called, DECAY))
+        called = decaying().replace(rhs=Decay())
+    found, compiled = (hd.ensemble(e, 1.0, 40, params=[0.5, 2.0]) for e in (called, decaying()))
     assert np.array_equal(found.y, compiled.y)
 
 
@@ -340,11 +352,11 @@ on_linux = pytest.mark.skipif(sys.platform != "linux", reason="processes are cop
     "by", [{"threads": 2}, pytest.param({"workers": 2}, marks=[copies, on_linux])], ids=str
 )
 def test_ctrl_c_leaves_the_members_that_are_left(by):
-    hd.ensemble(DECAY, 1.0, 100, params=[1.0])  # compiled: the interrupt shall meet the run
+    hd.ensemble(decaying(), 1.0, 100, params=[1.0])  # compiled: the interrupt shall meet the run
     before = signal.getsignal(signal.SIGINT)
     timer = threading.Timer(0.3, os.kill, (os.getpid(), signal.SIGINT))
     timer.start()
-    found = hd.ensemble(DECAY, 1.0, 10**6, save_every=10**5, params=np.ones(200), **by)
+    found = hd.ensemble(decaying(), 1.0, 10**6, save_every=10**5, params=np.ones(200), **by)
     timer.join()
     assert signal.getsignal(signal.SIGINT) is before
     assert set(found.status) <= {"completed", "interrupted"}
@@ -375,7 +387,7 @@ class Called:
 @pytest.mark.parametrize("rhs", ["compiled", "called"])
 def test_processes_solve_the_same_members(rhs, how):
     """Also where members fail, and with functions that cannot be sent to another process."""
-    equation = ABSORBED.replace(rhs=Called()) if rhs == "called" else ABSORBED
+    equation = absorbed().replace(rhs=Called()) if rhs == "called" else absorbed()
     tables = {"params": [[rate, 0.5] for rate in (0.5, 0.7, 1.0, 2.0, 3.0, 4.0)]}
     found, same = (
         hd.ensemble(equation, 2.0, **tables, **how, **by) for by in ({"workers": 2}, {"threads": 1})
@@ -387,15 +399,15 @@ def test_processes_solve_the_same_members(rhs, how):
 def test_other_systems_copy_no_process(monkeypatch):
     monkeypatch.setattr("sys.platform", "win32")
     with pytest.raises(ValueError, match=r"workers must be left out .*, got win32; use hd\.sweep"):
-        hd.ensemble(DECAY, 1.0, 10, params=[1.0], workers=2)
+        hd.ensemble(decaying(), 1.0, 10, params=[1.0], workers=2)
 
 
 def test_times_of_steps_and_of_a_tolerance():
-    whole = hd.ensemble(DECAY, 1.0, 40, params=[0.5, 2.0])
-    some = hd.ensemble(DECAY, 1.0, 40, params=[0.5, 2.0], t_eval=[0.1, 0.5])
+    whole = hd.ensemble(decaying(), 1.0, 40, params=[0.5, 2.0])
+    some = hd.ensemble(decaying(), 1.0, 40, params=[0.5, 2.0], t_eval=[0.1, 0.5])
     assert np.array_equal(some.y, whole.y[:, [4, 20]])
     assert np.array_equal(some.stats["n_steps"], [40, 40])
-    assert hd.ensemble(DECAY, 1.0, rtol=1e-8, params=[0.5, 2.0]).t.tolist() == [0.0, 1.0]
+    assert hd.ensemble(decaying(), 1.0, rtol=1e-8, params=[0.5, 2.0]).t.tolist() == [0.0, 1.0]
 
 
 @pytest.fixture(params=["plain", "events", "above 1", "complex"])
@@ -403,7 +415,7 @@ def members(request):
     """An ensemble of three, of each kind of result."""
     if request.param == "events":
         rates = [[0.5, 1.0], [3.0, 1.0], [0.01, 1.0]]
-        return hd.ensemble(ABSORBED, 2.0, 100, params=rates, events=[low, last])
+        return hd.ensemble(absorbed(), 2.0, 100, params=rates, events=[low, last])
     if request.param == "above 1":
         equation = hd.Equation(hd.Caputo(1.5), decay, [1.0, 0.0], [1.0])
     else:

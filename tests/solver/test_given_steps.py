@@ -1,6 +1,7 @@
 """Events, dense output and breaks on given steps: for every scheme, as of collocation."""
 
 import pickle
+from functools import cache
 
 import numpy as np
 import pytest
@@ -50,31 +51,31 @@ def test_rows_asked_for_do_not_depend_on_events():
 
 
 # D^0.6 y = 1 - y from t = 2 on, -y before; at 2 itself as the names say.
-AT = hd.Equation(hd.Caputo(0.6), lambda t, y: (1.0 if t >= 2.0 else 0.0) - y, 0.5)
-AFTER = AT.replace(rhs=lambda t, y: (1.0 if t > 2.0 else 0.0) - y)
+at = cache(lambda: hd.Equation(hd.Caputo(0.6), lambda t, y: (1.0 if t >= 2.0 else 0.0) - y, 0.5))
+after = cache(lambda: at().replace(rhs=lambda t, y: (1.0 if t > 2.0 else 0.0) - y))
 
 
 @pytest.mark.parametrize("scheme", GIVEN, ids=repr)
 def test_steps_see_a_jump_from_their_own_side(scheme):
     """So that the value at the jump itself plays no part."""
-    at, after = (hd.solve(e, 4.0, 400, scheme=scheme, breaks=[2.0]) for e in (AT, AFTER))
-    assert np.array_equal(at.y, after.y)
-    exact = hd.solve(AT, 4.0, rtol=1e-10, breaks=[2.0])
-    assert np.abs(at(3.0) - exact(3.0))[0] < 1.1e-3
+    found, same = (hd.solve(e(), 4.0, 400, scheme=scheme, breaks=[2.0]) for e in (at, after))
+    assert np.array_equal(found.y, same.y)
+    exact = hd.solve(at(), 4.0, rtol=1e-10, breaks=[2.0])
+    assert np.abs(found(3.0) - exact(3.0))[0] < 1.1e-3
     before = hd.solve(hd.scenes.relaxation(0.6, 1.0, 0.5), 2.0, 200, scheme=scheme)
-    np.testing.assert_allclose(at.y[:201], before.y, rtol=1e-12)
+    np.testing.assert_allclose(found.y[:201], before.y, rtol=1e-12)
 
 
 def test_breaks_on_a_mesh_and_in_a_resumed_run():
     half = 2 * np.linspace(0, 1, 101) ** 2
     how = {"mesh": np.append(half, 2 + half[1:]), "scheme": hd.L2(), "breaks": [2.0]}
-    sols = [hd.solve(e, 4.0, **how) for e in (AT, AFTER)]
+    sols = [hd.solve(e(), 4.0, **how) for e in (at, after)]
     assert np.array_equal(sols[0].y, sols[1].y)
-    exact = hd.solve(AT, 4.0, rtol=1e-10, breaks=[2.0])
+    exact = hd.solve(at(), 4.0, rtol=1e-10, breaks=[2.0])
     assert np.abs(sols[0](3.0) - exact(3.0))[0] < 2.5e-3  # of the long step before the jump
-    first = hd.solve(AT, 2.0, 200, breaks=[2.0])
-    later = hd.solve(AT, 4.0, resume=first.state, breaks=[2.0])
-    whole = hd.solve(AT, 4.0, 400, breaks=[2.0])
+    first = hd.solve(at(), 2.0, 200, breaks=[2.0])
+    later = hd.solve(at(), 4.0, resume=first.state, breaks=[2.0])
+    whole = hd.solve(at(), 4.0, 400, breaks=[2.0])
     assert np.array_equal(later.y, whole.y[200:])
 
 

@@ -6,6 +6,7 @@ import pickle
 import signal
 import threading
 import time
+from functools import cache
 
 import numpy as np
 import pytest
@@ -87,10 +88,10 @@ def test_near_integers_the_scheme_is_continuous():
 
 def blown_up(**kept):
     with pytest.warns(hd.SolveWarning, match="stopped being finite"):
-        return hd.solve(SQUARED, 2.0, 2000, **kept)
+        return hd.solve(squared(), 2.0, 2000, **kept)
 
 
-SQUARED = hd.Equation(hd.Caputo(1.0), lambda t, y: y**2, 1.0)
+squared = cache(lambda: hd.Equation(hd.Caputo(1.0), lambda t, y: y**2, 1.0))
 
 
 @pytest.mark.parametrize("history", HISTORIES, ids=repr)
@@ -169,7 +170,7 @@ def test_the_last_step_of_a_run_that_blew_up_is_kept_and_is_no_start():
     sol = blown_up(save_every=10**6)
     assert sol.t.tolist() == [0.0, sol.state.t]
     with pytest.raises(ValueError, match="resume must hold a finite solution"):
-        hd.solve(SQUARED, 3.0, resume=sol.state)
+        hd.solve(squared(), 3.0, resume=sol.state)
 
 
 def test_derivative_of_components_with_and_without_an_initial_one():

@@ -1,6 +1,7 @@
 """How runs end: statuses, truth, and the warning of every ending that was not asked for."""
 
 import pickle
+from functools import cache
 
 import numpy as np
 import pytest
@@ -12,7 +13,7 @@ def squared(t, y):
     return y**2
 
 
-BURST = hd.Equation(hd.Caputo(0.9), squared, 1.0)
+bursting = cache(lambda: hd.Equation(hd.Caputo(0.9), squared, 1.0))
 WAYS = [{"n_steps": 1000}, {"rtol": 1e-6}]
 
 
@@ -28,7 +29,7 @@ def test_statuses_are_their_strings():
 @pytest.mark.parametrize("how", WAYS)
 def test_a_run_that_ends_early_warns_and_is_false(how):
     with pytest.warns(hd.SolveWarning, match="stopped being finite") as caught:
-        sol = hd.solve(BURST, 5.0, **how)
+        sol = hd.solve(bursting(), 5.0, **how)
     assert len(caught) == 1
     assert caught[0].filename == __file__  # the line of the call, not one of the library
     assert str(caught[0].message) == sol.message
@@ -138,7 +139,7 @@ def test_a_step_beyond_the_limit_warns_at_the_callers_line():
 
 def test_exponents_of_a_run_that_ends_early_warn_once_at_the_callers_line():
     with pytest.warns(hd.SolveWarning) as caught, np.errstate(over="ignore"):
-        hd.lyapunov(BURST, 5.0, 1000, verify=True)
+        hd.lyapunov(bursting(), 5.0, 1000, verify=True)
     assert [warning.filename for warning in caught] == [__file__]
 
 

@@ -100,25 +100,25 @@ def test_sliding_is_told_where_it_is_not_followed(a, how, why):
     assert sol.stats["n_steps"] < 2000
 
 
-COULOMB = hd.Equation(
-    C(1.0), lambda t, y: np.array([y[1], -y[0] - 0.3 * np.sign(y[1])]), [2.0, 0.0]
-)
+def coulomb(t, y):
+    return np.array([y[1], -y[0] - 0.3 * np.sign(y[1])])
 
 
 @pytest.mark.parametrize("how", [{"rtol": 1e-9}, {"n_steps": 20_000}], ids=str)
 def test_coulomb_friction_loses_the_same_amplitude_each_half_period(how):
     """It sticks where abs(x) < 0.3, and sticks again where it goes on."""
+    eq = hd.Equation(C(1.0), coulomb, [2.0, 0.0])
     if "rtol" in how:
-        sol = completed(COULOMB, 20.0, **how, switches=second, events=second)
+        sol = completed(eq, 20.0, **how, switches=second, events=second)
         assert np.abs(sol.t_events[0][:3] / np.pi - [1, 2, 3]).max() < 1e-9
         assert np.abs(sol.y_events[0][:3, 0] - [-1.4, 0.8, -0.2]).max() < 1e-9
         (slide,) = sol.stats["slides"]
         assert slide == pytest.approx((0, 3 * np.pi, 20.0), abs=1e-9)
-        rest = completed(COULOMB, 40.0, resume=sol.state, switches=second)
+        rest = completed(eq, 40.0, resume=sol.state, switches=second)
         np.testing.assert_allclose(rest.y[-1], [-0.2, 0.0], atol=2e-8)
         return
-    sol = warned("slides", COULOMB, 20.0, **how, switches=second, events=second)
-    rest = warned("slides", COULOMB, 40.0, resume=sol.state, switches=second)
+    sol = warned("slides", eq, 20.0, **how, switches=second, events=second)
+    rest = warned("slides", eq, 40.0, resume=sol.state, switches=second)
     assert rest.t[-1] - sol.t[-1] < 0.02
 
 
@@ -204,20 +204,22 @@ def test_switches_that_coincide_are_both_seen(ratio):
     assert abs(sol.y[-1, 0] - 0.137085) < 1e-5
 
 
-STEPPING = hd.Equation(C(1.0), lambda t, y: np.where(y > 0, -1.0, -2.0), 1.0)
+def stepping(t, y):
+    return np.where(y > 0, -1.0, -2.0)
 
 
 @pytest.mark.parametrize("apart", [0.0, 1e-14, 1e-13, 5e-13, 1e-12, 1e-9])
 def test_switches_next_to_each_other(apart):
-    eq = hd.Equation(C(1.0), STEPPING.rhs, [1.0, 1.0 + apart])
+    eq = hd.Equation(C(1.0), stepping, [1.0, 1.0 + apart])
     sol = completed(eq, 3.0, rtol=1e-9, switches=[first, second])
     assert np.abs(sol.y[-1] + 4.0).max() < 1e-8
 
 
 @pytest.mark.parametrize("beside", [-1e-12, -1e-13, 1e-13, 1e-12])
 def test_runs_that_end_next_to_a_switch_go_on(beside):
-    part = completed(STEPPING, 1.0 + beside, rtol=1e-9, switches=first)
-    rest = hd.solve(STEPPING, 3.0, resume=part.state, switches=first)
+    eq = hd.Equation(C(1.0), stepping, 1.0)
+    part = completed(eq, 1.0 + beside, rtol=1e-9, switches=first)
+    rest = hd.solve(eq, 3.0, resume=part.state, switches=first)
     assert abs(rest.y[-1, 0] + 4.0) < 1e-8
 
 
