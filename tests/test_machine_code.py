@@ -26,8 +26,8 @@ compiled = pytest.mark.skipif(
 SOLVE = """
 import hereditary as hd
 from hereditary.given import (march, past)
-hd.solve(hd.scenes.stick_slip(), 1.0, 100)
-hd.solve(hd.Equation(hd.Caputo(0.5), lambda t, y: -y, 1.0), 1.0, 100)
+hd.solve(hd.scenes.stick_slip(), 1.0, 100, estimate=False)
+hd.solve(hd.Equation(hd.Caputo(0.5), lambda t, y: -y, 1.0), 1.0, 100, estimate=False)
 entry = march.MARCHES["explicit"].dispatcher
 print(len(entry.overloads), sum(entry.stats.cache_hits.values()),
       sum(past.exchange_modes.stats.cache_hits.values()))
@@ -99,7 +99,8 @@ def tiny(package):
 
 
 def with_tiny(package, options="F8"):
-    """Add the module `tiny` to a package."""
+    """Add the module `tiny` to a package, which then imports nothing else by itself."""
+    (package / "__init__.py").write_text("")
     (package / "tiny.py").write_text(TINY.replace("@entry(F8)", f"@entry({options})"))
     (package / "compiled" / "limit.py").write_text("LIMIT = 1.0")
     return package
@@ -195,6 +196,7 @@ def print_all():
 @compiled
 def test_linked_helpers_belong_to_each_loop_and_raise_there(package, tmp_path):
     """Also where the loop comes from the disk, when standard error has nothing to tell."""
+    (package / "__init__.py").write_text("")
     (package / "linked.py").write_text(LINKED)
     call = "from hereditary import linked; linked.print_all()"
     told = "hereditary: compiling the sum, once on this machine (no installed code is used: "
@@ -316,8 +318,9 @@ def test_code_for_another_target_is_left_alone(other, reason, carried, tmp_path)
     file.write_text(json.dumps(target | other))
     cache = tmp_path / "cache"
     assert run_tiny(carried, cache) == (COMPILED, told("it is for " + reason.format(**target)))
-    assert run_tiny(carried, cache) == CARRIED  # now from the user's cache
-    assert len(list(cache.rglob("*tiny.*.nbc"))) == 3
+    if "system" in other:  # now from the user's cache, whatever the reason was
+        assert run_tiny(carried, cache) == CARRIED
+        assert len(list(cache.rglob("*tiny.*.nbc"))) == 3
 
 
 @compiled
@@ -471,13 +474,13 @@ while interrupted < 3:
     try:
         # a second signal, should numba lose the first, comes after a slow machine has ended
         signal.setitimer(signal.ITIMER_REAL, 0.3, 3.0)
-        if hd.solve(equation, 10.0, 100).success:
+        if hd.solve(equation, 10.0, 100, estimate=False).success:
             break
     except KeyboardInterrupt:
         signal.setitimer(signal.ITIMER_REAL, 0)
         interrupted += 1
 signal.setitimer(signal.ITIMER_REAL, 0)
-print(interrupted, hd.solve(equation, 10.0, 100).success)
+print(interrupted, hd.solve(equation, 10.0, 100, estimate=False).success)
 """
 
 
