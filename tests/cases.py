@@ -304,7 +304,7 @@ TANGENTS = [c for c in CASES if c.scheme.takes_tangents and c.family.tags.isdisj
 # What rounding, and Newton's method, leave of laws that are exact otherwise, relative to |y|.
 ROUNDING = 3e-11
 # Steps of runs over more than two parts of FFT.
-LONG = 2300
+LONG = 2100
 DIRECT = HISTORIES[0]
 
 

@@ -31,7 +31,7 @@ def processes():
 @pytest.fixture(scope="module")
 def dask():
     distributed = pytest.importorskip("distributed")
-    arguments = {"n_workers": 2, "threads_per_worker": 1, "dashboard_address": None}
+    arguments = {"n_workers": 1, "threads_per_worker": 1, "dashboard_address": None}
     with distributed.LocalCluster(**arguments) as cluster, distributed.Client(cluster) as client:
         yield client.get_executor()
 

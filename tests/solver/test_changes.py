@@ -352,7 +352,8 @@ def test_a_thermostat_keeps_between_its_levels(alpha, gap, either):
     hot = event(lambda t, y: y[0] - 1.0, change=turned(-1.0), direction=side)
     cold = event(lambda t, y: y[0] - 1.0 + gap, change=turned(1.0), direction=-side)
     eq = hd.Equation(C([alpha, 1.0]), lambda t, y: np.array([y[1], 0.0]), [0.5, 1.0])
-    sol = completed(eq, 0.5 + gap, rtol=1e-6, events=[hot, cold])
+    first = (0.5 * gamma(1 + alpha)) ** (1 / alpha)
+    sol = completed(eq, 1.2 * first, rtol=1e-6, events=[hot, cold])
     late = sol.t >= sol.t_events[0][0]
     assert sol.y[late, 0].max() < 1.0 + 1e-5  # ten tolerances
     assert sol.y[late, 0].min() > 1.0 - gap - 1e-5
