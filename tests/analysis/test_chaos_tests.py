@@ -58,7 +58,7 @@ def test_orbits_and_what_exponents_say_of_them():
 def test_oversampled_series_are_tested_by_their_extrema():
     lorenz = hd.solve(hd.scenes.lorenz(), 400.0, rtol=1e-6)
     x = lorenz(np.arange(20.0, 400.0, 0.02))[:, 2]
-    assert hd.zero_one_test(x).verdict != "chaotic"
+    assert hd.zero_one_test(x[:4000]).verdict != "chaotic"
     for take in ("maxima", "extrema"):
         by_series = hd.zero_one_test(x, take=take)
         by_orbit = hd.zero_one_test(lorenz, component=2, transient=20.0, take=take)
