@@ -6,8 +6,9 @@ with a decoupled one more, so that laws can compare the solutions.
 
 from __future__ import annotations
 
+from collections import defaultdict
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cache, wraps
 from itertools import product
 from typing import Any
 
@@ -269,7 +270,7 @@ class Case:
         y0[0, c] += by
         return equation.replace(y0=y0 if len(self.family.y0) > 1 else y0[0])
 
-    @lru_cache  # noqa: B019
+    @cache  # noqa: B019
     def solution(self):
         """Return the run in units of 1."""
         return self.solve()
@@ -309,7 +310,21 @@ DIRECT = HISTORIES[0]
 
 
 def over(cases):
-    return pytest.mark.parametrize("case", cases, ids=str)
+    """State a law of cases, in one test for all histories of a family by a scheme."""
+    together = defaultdict(list)
+    for case in cases:
+        together[f"{case.family.name}, {case.scheme}, {case.steps}"].append(case)
+
+    def stated(law):
+        @pytest.mark.parametrize("case", together.values(), ids=together)
+        @wraps(law)
+        def test(case, **given):
+            for one in case:
+                law(case=one, **given)
+
+        return test
+
+    return stated
 
 
 def assert_close(found, expected, case, bound=ROUNDING):
