@@ -37,10 +37,10 @@ ONCE = [c for c in ALSO_MESHES if c.steps != "mesh"]
 def test_a_run_is_made_if_the_declared_abilities_allow_it_and_refused_otherwise(scheme):
     for case in (case for case in EVERY if case.scheme is scheme):
         if case.allowed():
-            assert case.solve(0.25).success, case
+            assert case.solve(0.25, n=8).success, case
         else:
             with pytest.raises(ValueError, match=r"must .*, got "):
-                pytest.fail(f"{case}: {case.solve(0.25)}")
+                pytest.fail(f"{case}: {case.solve(0.25, n=8)}")
 
 
 def stored(sol, path, by_file):
