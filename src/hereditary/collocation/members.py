@@ -57,6 +57,8 @@ from .workspace import take_workspace
 # How the march of a member goes on: it is at its end; the length of its first step has no place; it
 # goes on with further steps; or another march has to tell how it ends.
 AT_END, NO_LENGTH, MARCHING, LEFT = range(4)
+# What a member has done already.
+NOTHING, FIRST_STEP, BATCH = range(3)
 # Most batches of steps in which a march covers what is left, at the speed of the last one.
 _MOST_BATCHES = 4000
 # Decades of first lengths whose tables are kept; those of one take about 1 MB.
@@ -102,14 +104,15 @@ class MemberRun(NamedTuple):
 
 
 @entry(Reference(compiled_type(MemberMarch)), Reference(compiled_type(MemberRun)), I8)
-def march_member(march, run, goes_on):
-    """March a member from its start, or by a further batch of steps; return how it goes on."""
+def march_member(march, run, after):
+    """March a member on after nothing, its first step or a batch; return how it goes on."""
     state = march.start.state
-    if goes_on == 0:
+    if after == NOTHING:
         begin(march, run.params, run.y0)
         run.length[0] = first_step(march)
         if run.length[0] == 0.0:
             return LEFT
+    if after != BATCH:
         if not begin_modes(march, run.length[0]):
             return NO_LENGTH
         run.counts[N_ROWS] = 0
@@ -345,11 +348,11 @@ class Members:
     def march(self, asked: Callable[[], bool]) -> int:
         """March the member of the run; return `AT_END`, `LEFT`, or `MARCHING` if that is asked."""
         run = self._run
-        ended = march_member(self._last, run, 0)
+        ended = march_member(self._last, run, NOTHING)
         if ended == NO_LENGTH:
-            ended = march_member(self._plan(float(run.length[0])), run, 0)
+            ended = march_member(self._plan(float(run.length[0])), run, FIRST_STEP)
         while ended == MARCHING and not asked():
-            ended = march_member(self._last, run, 1)
+            ended = march_member(self._last, run, BATCH)
         return ended
 
 
