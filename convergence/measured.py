@@ -25,7 +25,7 @@ SECTIONS = {
     "Accuracy and orders": "orders explicit_order graded_meshes imex riemann_liouville memory_terms"
     " varying_orders stability published_rules models derivatives delays sliding",
     "Steps chosen by a tolerance": "collocation undamped coincidences work_precision peers"
-    " campaign solve_ivp",
+    " readme_table campaign solve_ivp",
     "Errors of given steps": "estimates",
     "Memory and kernels": "memory_is_nearly_free histories exponential_sum_modes memory_kernels"
     " random_kernels kernels_and_sticking viscoelastic_responses laplace_kernels",

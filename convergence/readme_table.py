@@ -50,7 +50,7 @@ def measure(quick):
     milliseconds = in_turns(calls, 2 if quick else 15)
     for code, (setting, error) in told.items():
         row = {"code": code, "setting": setting, "error": f"{error:.1e}"}
-        yield row | {"ms": f"{1e3 * milliseconds[code]:.2g}"}
+        yield row | {"ms": f"{1e3 * milliseconds[code]:.3g}"}
     if not quick:
         write({code: (*told[code], 1e3 * milliseconds[code]) for code in told})
 
@@ -58,7 +58,8 @@ def measure(quick):
 def write(rows):
     """Write the row of times and the sentences on it into README."""
     text, (_, error, _) = README.read_text(), rows["hereditary"]
-    cells = " | ".join(f"{rows[code][2]:.2g} ms" for code in ("hereditary", "pycaputo"))
+    spent = [rows[code][2] for code in ("hereditary", "pycaputo")]
+    cells = " | ".join(f"{ms:.0f} ms" if ms > 10 else f"{ms:.2g} ms" for ms in spent)
     text = re.sub(r"(\| error of 1e-6, .*?\|) .* ms \| .* ms \|", rf"\1 {cells} |", text)
     text = re.sub(r"warm calls of \d+-\d+-\d+", f"warm calls of {datetime.date.today()}", text)
     text = re.sub(

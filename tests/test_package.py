@@ -1,5 +1,6 @@
 """The installed package: what import pulls in, its names, and examples in its pages."""
 
+import csv
 import doctest
 import importlib
 import pkgutil
@@ -76,6 +77,14 @@ def test_the_readme_installs_and_tests_by_one_line_each_as_ci_does():
     stages = (ROOT / ".ci" / "run").read_text()
     assert 'python -m pip install --quiet ".[$extras]"' in stages
     assert "pytestmark = pytest.mark.core" in stages
+
+
+def test_the_times_of_the_readme_are_those_of_the_study():
+    with open(ROOT / "convergence" / "results" / "readme_table.csv") as file:
+        lines = (line for line in file if not line.startswith("#"))
+        spent = {row["code"]: float(row["ms"]) for row in csv.DictReader(lines)}
+    shown = [f"{ms:.0f} ms" if ms > 10 else f"{ms:.2g} ms" for ms in spent.values()]
+    assert f"of order 0.5 | {' | '.join(shown)} |" in (ROOT / "README.md").read_text()
 
 
 def test_every_status_has_a_remedy():
