@@ -1,5 +1,6 @@
 """Users' functions: what they may not do to a run, and what they read when it begins."""
 
+import cProfile
 import pickle
 import warnings
 from functools import partial
@@ -7,6 +8,7 @@ from types import ModuleType
 
 import numpy as np
 import pytest
+from cases import chosen
 from numba import njit
 from problems import run
 
@@ -329,3 +331,16 @@ def test_a_function_that_is_known_is_compared_at_every_start():
 
 def grown(t, y, p):
     return 2.0 ** p[0] * 1e-20 * y
+
+
+def test_equations_are_made_under_a_profiler():
+    """It changes the hashes of code in Python 3.11, by which compiled versions are known."""
+    known, profiler = chosen(steps="uniform")[:40], cProfile.Profile()
+    for case in known:
+        case.equation()
+    profiler.enable()
+    try:
+        made = [case.equation() for case in known]
+    finally:
+        profiler.disable()
+    assert len(made) == 40

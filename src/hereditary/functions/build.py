@@ -12,7 +12,6 @@ from __future__ import annotations
 
 import inspect
 import warnings
-from collections import OrderedDict
 from collections.abc import Callable
 from contextlib import suppress
 from types import FunctionType
@@ -64,7 +63,7 @@ class _Version(NamedTuple):
     form: str
 
 
-_versions: OrderedDict[tuple, _Version] = OrderedDict()
+_versions: dict[tuple, _Version] = {}
 
 
 def present_values(fun: Any) -> tuple:
@@ -183,7 +182,7 @@ def _version(candidate: Candidate, key: tuple, arity: int, form: str) -> _Versio
                 _warn_of_versions(candidate.name, candidate.plain)
         _versions[key] = known  # as the newest, which is removed last
         if len(_versions) > _KEPT_MAX:
-            _versions.popitem(last=False)
+            _versions.pop(next(iter(_versions)), None)
     return known
 
 
