@@ -35,7 +35,13 @@ from .edge import begins_at_edge
 from .equations import Form
 from .first_rule import Variable, first_rule, known_at_nodes
 from .march import FULL, REACHED, TOO_CLOSE, march_adaptive, set_first_jacobian
-from .mode_tables import N_TABLE_LENGTHS, floor_to_grid, place_of, set_mode_weights
+from .mode_tables import (
+    FIRST_PER_OCTAVE,
+    N_TABLE_LENGTHS,
+    floor_to,
+    place_of,
+    set_mode_weights,
+)
 from .modes import Modes, closest_lag, opened_once, over_step
 from .operators import FORCE, PRIMARY, number_of
 from .orbit import OrbitAndTangents, round_to_decades
@@ -61,7 +67,9 @@ AT_END, NO_LENGTH, MARCHING, LEFT = range(4)
 NOTHING, FIRST_STEP, BATCH = range(3)
 # Most batches of steps in which a march covers what is left, at the speed of the last one.
 _MOST_BATCHES = 4000
-# Decades of first lengths whose tables are kept; those of one take about 1 MB.
+# Lengths of first steps with a place, more than a decade has.
+_FIRST_LENGTHS = 256
+# Decades of first lengths whose tables are kept; those of one take about 3 MB.
 _MOST_PLANS = 8
 # Indices of `MemberRun.counts`.
 STEPS, CALLS, N_ROWS = range(3)
@@ -219,7 +227,7 @@ def is_at_rest(values):
 def begin_modes(march, h):
     """Set the modes to those at the end of a first step of length h; return if it has a place."""
     first, later = march.first.work, march.later.work
-    index = place_of(h, march.lengths)
+    index = place_of(h, march.lengths, FIRST_PER_OCTAVE)
     if march.lengths[index] != h:
         return False
     set_mode_weights(later.equations, later.basis.weights, later.varying.of_varying, later.weights)
@@ -302,7 +310,7 @@ class Members:
             "values": values,
             "speeds": speeds,
         }
-        self._last = self._plan(floor_to_grid(numbers["longest"]))
+        self._last = self._plan(floor_to(numbers["longest"], FIRST_PER_OCTAVE))
 
     def _arrays(self, n_modes: int, n: int) -> OrbitArrays:
         """Return the arrays of a march with so many modes, and steps of n nodes."""
@@ -334,12 +342,13 @@ class Members:
                 self._batch, s, self._start.limits, self._rule, modes.basis, tables,
                 self._arrays(n_modes, s),
             )  # fmt: skip
-            first = np.zeros((N_TABLE_LENGTHS, self._variable.n, n_modes))
+            first = np.zeros((_FIRST_LENGTHS, self._variable.n, n_modes))
             fields = {"later": later, "shortest": closest / self._rule.nodes[0], "gains": first}
             fields |= {"lengths": np.zeros(len(first)), "integrals": first[:, 0].copy()}
             self._plans[closest] = checked(MemberMarch(**self._shared, **fields)), modes
         march, modes = self._plans[closest]
-        place, step = place_of(h, march.lengths), over_step(modes.bank, self._variable, h)
+        place = place_of(h, march.lengths, FIRST_PER_OCTAVE)
+        step = over_step(modes.bank, self._variable, h)
         march.gains[place], march.integrals[place] = step.gains, step.integrals
         march.lengths[place] = h
         self._last = march

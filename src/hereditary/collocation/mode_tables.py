@@ -21,6 +21,9 @@ from .operators import first_of_kind, number_of
 
 # Number of step lengths between two powers of 2: lengths are 2**(n / _PER_OCTAVE), rounded up.
 _PER_OCTAVE = 8
+# The same for first steps. Their error is of high order in the length, so on a coarse grid the unit
+# of time would decide which of them are rejected.
+FIRST_PER_OCTAVE = 64
 # A step length in [2**k, 2**(k + 1)) is a multiple of 2**k over this number, so sums of lengths are
 # exact. Rounding errors of equal steps would accumulate to a drift of time.
 _LENGTHS_PER_BINADE = 2.0**12
@@ -43,7 +46,13 @@ _SEED = 1e-200 + 0j
 @inner
 def floor_to_grid(h):
     """Return the largest step length on the grid that does not exceed h, up to rounding."""
-    power = math.floor(_PER_OCTAVE * math.log2(h)) / _PER_OCTAVE
+    return floor_to(h, _PER_OCTAVE)
+
+
+@inner
+def floor_to(h, per_octave):
+    """Return the largest length of a grid with so many in an octave that does not exceed h."""
+    power = math.floor(per_octave * math.log2(h)) / per_octave
     octave = math.floor(power)
     return (
         math.ceil(2.0 ** (power - octave) * _LENGTHS_PER_BINADE) / _LENGTHS_PER_BINADE * 2.0**octave
@@ -51,16 +60,16 @@ def floor_to_grid(h):
 
 
 @inner
-def place_of(h, lengths):
-    """Return the index of a length on the grid in an array of `lengths`."""
-    return math.floor(_PER_OCTAVE * math.log2(h) + 0.5) % lengths.shape[0]
+def place_of(h, lengths, per_octave):
+    """Return the index of a length in an array of `lengths`, on a grid with so many an octave."""
+    return math.floor(per_octave * math.log2(h) + 0.5) % lengths.shape[0]
 
 
 @inner
 def find_factors(march, h):
     """Return the index of the factors for a step of length h; compute missing factors."""
     lengths = march.work.tables.lengths
-    table_index = place_of(h, lengths)
+    table_index = place_of(h, lengths, _PER_OCTAVE)
     if lengths[table_index] != h:
         lengths[table_index] = 0.0
         fill_factors(march.work, h, table_index)

@@ -32,7 +32,7 @@ _REFINE_BY = 32.0
 # Number of forms, and of fits of their kernels, whose modes remain in storage.
 _MODES_MAX = 64
 # Number of first steps whose modes remain in storage; each has 10 kB for 50 modes.
-_STEPS_MAX = 128
+_STEPS_MAX = 512
 
 
 class Modes(NamedTuple):

@@ -18,7 +18,7 @@ from ..equation.system import System
 from .edge import edge_at
 from .equations import Form
 from .first_rule import Variable
-from .mode_tables import floor_to_grid
+from .mode_tables import FIRST_PER_OCTAVE, floor_to
 from .operators import FORCE, PRIMARY
 from .orbit import OrbitAndTangents
 from .stage_solver import has_stages
@@ -123,9 +123,9 @@ def first_length(rate: float, order: float, most: float) -> float:
     """Return the length of the first trial step, on the grid of lengths, at most `most`."""
     # over it the solution, which changes at this rate, changes by about half of its size
     if not 0.5 <= rate * most**order < np.inf:
-        return floor_to_grid(most)
+        return floor_to(most, FIRST_PER_OCTAVE)
     length = (0.5 / rate) ** (1.0 / order)
-    return floor_to_grid(length if length > 0.0 else most)
+    return floor_to(length if length > 0.0 else most, FIRST_PER_OCTAVE)
 
 
 @lru_cache(maxsize=64)
