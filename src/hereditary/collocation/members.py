@@ -200,6 +200,7 @@ def first_step(march):
     ):
         return 0.0
     h, values = first_length(rate, march.order, march.longest), work.orbit.last[0]
+    h = floor_to(h, FIRST_PER_OCTAVE)
     while h > march.least:
         set_step(state.control, 0.0, h, h, 1.0)
         work.tables.lengths[0] = h

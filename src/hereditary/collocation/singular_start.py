@@ -107,6 +107,7 @@ def trials(
         rate = float(np.sqrt(np.abs(own * own.T)).sum(axis=1).max())
     first = first_length(rate, order, most)
     first = first if t + first > t else most  # rounding of t hides a shorter one
+    first = floor_to(first, FIRST_PER_OCTAVE) if t == 0 else first  # modes over it are made once
     for generators, variable, of_terms in variables:
         h = first
         while t + h > t and h > least:
@@ -120,12 +121,12 @@ def trials(
 
 @inner
 def first_length(rate: float, order: float, most: float) -> float:
-    """Return the length of the first trial step, on the grid of lengths, at most `most`."""
+    """Return the length of the first trial step, at most `most`."""
     # over it the solution, which changes at this rate, changes by about half of its size
     if not 0.5 <= rate * most**order < np.inf:
-        return floor_to(most, FIRST_PER_OCTAVE)
+        return most
     length = (0.5 / rate) ** (1.0 / order)
-    return floor_to(length if length > 0.0 else most, FIRST_PER_OCTAVE)
+    return length if length > 0.0 else most
 
 
 @lru_cache(maxsize=64)
