@@ -44,9 +44,9 @@ def test_files_and_functions_are_small():
 # Most lines of code of each room, without docstrings, comments and blank lines. They only fall: who
 # needs lines takes them from the same room.
 BUDGETS = {
-    "collocation": 5592,
+    "collocation": 5591,
     "given": 3630,
-    "solver": 2621,
+    "solver": 2620,
     "analysis": 2363,
     "compiled": 2216,
     "top": 1782,

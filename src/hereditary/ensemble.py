@@ -311,7 +311,7 @@ def ensemble(
     ----
     Uniform steps take 0.1 to 0.5 microseconds each for one component, and a member 0.1 to 0.2
     milliseconds more, which threads hardly reduce. With rtol a member takes a quarter of the time
-    of `solve`, if it is short (convergence/ensembles.py). A member that is a run of its own costs
+    of `solve`, if it is short (convergence/thousands_of_runs.py). A member that is a run of its own costs
     as much as `solve`.
 
     Examples
@@ -628,13 +628,13 @@ class _Run:
         sizes = {"p": members.params.shape[1], "m": order, "d": d, "d_s": d * (order - 1)}
         run = zeros(MemberRun, n_t=self._times.size, **sizes)
         run = run._replace(times=self._times - base.t_start)
-        several, asked = stepper.members(run), lambda: self._interruption.asked
+        loop, asked = stepper.members(run), lambda: self._interruption.asked
 
         def one(m: int) -> None:
             ended = LEFT
             run.params[:], run.y0[:] = members.params[m], members.inside[m]
             with suppress(Exception):  # of a right-hand side: `solve` tells of it
-                ended = several.march(asked)
+                ended = loop.march(asked)
             if ended == LEFT:
                 self._solve(m)
             elif ended == AT_END:
@@ -645,7 +645,7 @@ class _Run:
             else:
                 self._interruption.heeded = True
 
-        return one if several else None
+        return one if loop else None
 
     def _march(self, stepper: Any, end: float, m: int) -> None:
         """March member m to step `end`, by a stepper that several members use."""

@@ -391,8 +391,7 @@ class AdaptiveStepper(ResumableStepper, TangentStepper, JumpingStepper):
     def members(self, run: MemberRun) -> Members | None:
         """Return what marches members of an ensemble, or None if each needs a stepper."""
         form, system, orbit, t_end = self._form, self._marched, self._orbit, self._t_end
-        needs = is_read(system), system.callbacks, system.delays, system.switches, self._stages
-        if any(needs) or system.structure is not None or not is_usual(form):
+        if is_read(system) or self._stages or system.structure is not None or not is_usual(form):
             return None
         limits, units = self._limits(t_end), np.empty(system.d)
         equations, _ = orbit.equations(system, *self._bounds)

@@ -353,7 +353,6 @@ class Provenance:
     def _apart_from_breaks(self, accurate: Solution) -> np.ndarray:
         """Return which rows are not just after a jump of f, where times are rounded too much."""
         found = np.array(accurate.stats["jumps"]) - self._start
-        found = np.array(accurate.stats["jumps"]) - self._start
         jumps = np.union1d(self.problem.breaks, found)
         since = accurate.t - self._start - jumps[:, None]
         return ~np.any((since > 0) & (since <= _AFTER_BREAK * np.abs(accurate.t)), axis=0)
