@@ -311,8 +311,8 @@ def ensemble(
     ----
     Uniform steps take 0.1 to 0.5 microseconds each for one component, and a member 0.1 to 0.2
     milliseconds more, which threads hardly reduce. With rtol a member takes a quarter of the time
-    of `solve`, if it is short (convergence/thousands_of_runs.py). A member that is a run of its own costs
-    as much as `solve`.
+    of `solve`, if it is short (convergence/thousands_of_runs.py). A member that is a run of its own
+    costs as much as `solve`.
 
     Examples
     --------
