@@ -29,7 +29,8 @@ from hereditary.kernels.exponential_sum import bank_of_all_orders, weights_of_or
 SCHEMES = {"explicit": hd.ExplicitCaputo(), "L1": hd.L1()}
 
 
-PROBLEMS = dict(zip(("alpha(t)", "beta(t)", "both"), MADE.values(), strict=True))
+NAMES = {"below one": "alpha(t)", "above one": "beta(t)", "both": "both"}
+PROBLEMS = {name: (MADE[made][0](), MADE[made][1]) for made, name in NAMES.items()}
 
 
 def row(what, name, n, value, order="", digits=4):
