@@ -45,7 +45,7 @@ from .mode_tables import (
 from .modes import Modes, closest_lag, opened_once, over_step
 from .operators import FORCE, PRIMARY, number_of
 from .orbit import OrbitAndTangents, round_to_decades
-from .singular_start import TRIAL_LENGTH_RATIO, first_length
+from .singular_start import TRIAL_LENGTH_RATIO, first_length, rate_of_few
 from .structures import (
     ADAPTIVE_MARCH,
     AdaptiveMarch,
@@ -141,6 +141,7 @@ def march_member(march, run, after):
 @inner
 def begin(march, params, y0):
     """Set all arrays to the start of a member with these parameters (p,) and y0 (m, d)."""
+    # the state is that of a march that has not begun
     start, orbit, state = march.start, march.first.work.orbit, march.start.state
     terms, equations, units = start.equations.terms, start.equations, start.equations.units
     for k in range(params.shape[0]):
@@ -151,8 +152,6 @@ def begin(march, params, y0):
         orbit.x[0, c], orbit.p[0, c], orbit.initial[0, c] = y, p, p
         state.largest[c], state.sizes[c] = abs(p), size
         state.reach[c], state.growth[c] = size, size
-        state.reads[c], state.scales[c], state.noisy[c] = 0.0, 0.0, 0.0
-        state.tried[c], state.since[c] = np.inf, np.inf
     if march.has_jac == 0:
         set_units_of(
             start.right.force, y0[0], march.later.work.limits.t_end, equations.rates, units
@@ -163,11 +162,6 @@ def begin(march, params, y0):
         c, which = terms[n].row % y0.shape[1], march.offset_of[n]
         constant = orbit.p[0, c] if which == 1 else orbit.x[0, c]
         equations.offsets[0, n] = constant if which > 0 else 0.0
-    control, counts, contraction = state.control, state.counts, state.contraction
-    control.origin, control.worst, control.missed, control.jump = 0.0, 0.0, 0.0, 0.0
-    control.tried = 0.0
-    counts.rhs, counts.accepted, counts.rejected, counts.by_defect = 0, 0, 0, 0
-    contraction.rate, contraction.change, contraction.length, contraction.last = 1.0, 1.0, 1.0, 0.0
     clear(march.first.work.stages.control)
     clear(march.later.work.stages.control)
 
@@ -184,30 +178,24 @@ def first_step(march):
     """Solve the first step, and return its length; 0 if it is left to another march."""
     work, start = march.first.work, march.start
     state, d = start.state, start.x.shape[0]
-    jacobian, reached = np.empty((d, d)), np.empty(d)
+    jacobian, reached = np.empty((d, d)), np.zeros(d)
     state.counts.rhs += 1
     set_first_jacobian(start, jacobian)
-    rate = 0.0
     for c in range(d):
-        total, reached[c] = 0.0, 0.0
         for k in range(d):
             reached[c] += abs(jacobian[c, k]) * start.units[k]
-            own = jacobian[c, k] / march.leading[c] * (jacobian[k, c] / march.leading[k])
-            total += np.sqrt(abs(own))
-        rate = max(rate, total)
     if not all_finite(reached) or begins_at_edge(
         start.right.force, start.t, start.x, start.units, reached
     ):
         return 0.0
-    h, values = first_length(rate, march.order, march.longest), work.orbit.last[0]
-    h = floor_to(h, FIRST_PER_OCTAVE)
+    rate, values = rate_of_few(jacobian, march.leading), work.orbit.last[0]
+    h = floor_to(first_length(rate, march.order, march.longest), FIRST_PER_OCTAVE)
     while h > march.least:
         set_step(state.control, 0.0, h, h, 1.0)
         work.tables.lengths[0] = h
         _, status = march.march(march.first)
         if status == FULL:
-            rests = h > march.at_rest and is_at_rest(values)
-            return 0.0 if rests else h
+            return 0.0 if h > march.at_rest and is_at_rest(values) else h
         if status != TOO_CLOSE:
             return 0.0
         h *= TRIAL_LENGTH_RATIO
@@ -294,6 +282,8 @@ class Members:
         self._form, self._orbit, self._rule, self._how = form, orbit, rule, how
         self._run, self._marching, self._start = checked(run), marching, start
         self._batch = n_steps
+        owners: Any = (a if a.dtype.names is None else a.base for a in start.state)
+        self._state = [(owner, owner.copy()) for owner in owners]
         self._plans: dict[float, tuple[MemberMarch, Modes]] = {}
         variable = self._variable = Variable.of(form.generators)
         n, s = variable.n, rule.nodes.size
@@ -358,6 +348,8 @@ class Members:
     def march(self, asked: Callable[[], bool]) -> int:
         """March the member of the run; return `AT_END`, `LEFT`, or `MARCHING` if that is asked."""
         run = self._run
+        for now, at_start in self._state:
+            now[...] = at_start
         ended = march_member(self._last, run, NOTHING)
         if ended == NO_LENGTH:
             ended = march_member(self._plan(float(run.length[0])), run, FIRST_STEP)

@@ -102,9 +102,8 @@ def trials(
         speeds = np.where(form.above_one, orbit.p[0], 0.0)
         vectors = system.rhs(just_after, orbit.x[0]) / leading, speeds
         rate = _rate_of_many(jacobian, leading, sizes, vectors)
-    else:  # the result is independent of units
-        own = jacobian / leading[:, None]
-        rate = float(np.sqrt(np.abs(own * own.T)).sum(axis=1).max())
+    else:
+        rate = rate_of_few(jacobian, leading)
     first = first_length(rate, order, most)
     first = first if t + first > t else most  # rounding of t hides a shorter one
     first = floor_to(first, FIRST_PER_OCTAVE) if t == 0 else first  # modes over it are made once
@@ -191,6 +190,20 @@ def order_of(form: Form) -> float:
     forces = form.terms[form.terms["integrand"] == FORCE]
     orders = form.orders[forces["index"]] + form.above_one[forces["row"]]
     return max(float(orders.min()), 0.1) if orders.size else 1.0
+
+
+@inner
+def rate_of_few(jacobian: Any, leading: np.ndarray) -> float:
+    """Return an estimate of the rate at which few components change just after the start."""
+    # it is independent of units; jacobian (d, d), leading (d,)
+    rate = 0.0
+    for c in range(leading.size):
+        total = 0.0
+        for k in range(leading.size):
+            own = jacobian[c, k] / leading[c] * (jacobian[k, c] / leading[k])
+            total += math.sqrt(abs(own))
+        rate = max(rate, total)
+    return rate
 
 
 def _rate_of_many(
