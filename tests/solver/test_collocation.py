@@ -275,6 +275,20 @@ def test_the_first_step_of_orders_next_to_1_is_right_everywhere(above, v, t_end)
         assert np.abs(sol(t) - truth(t)).max() <= rtol
 
 
+@pytest.mark.parametrize("rtol", [1e-3, 1e-5, 1e-7])
+@pytest.mark.parametrize("near", [0.1, 0.46, 3.0])
+@pytest.mark.parametrize("v", [0.0342, -20.0])
+def test_slopes_that_jump_at_the_start_leave_the_first_step_right(v, near, rtol):
+    """Two orders 1.1e-9 apart: x' is v at the start alone, and v / (1 + near) just after it."""
+    terms = (0.673, 0.957, 1 - 1e-10, 1 + 1e-9), (10.8, 0.025, near, 1.0)
+    left = [coefficient * hd.Caputo(order) for order, coefficient in zip(*terms, strict=True)]
+    sol = completed(hd.Equation(left, lambda t, x: -0.01 * x, [0.0756, v]), 10.0, rtol=rtol)
+    t = sol.t[1] * np.append(0.0, np.geomspace(1e-12, 1.0, 60))
+    true = exact.several_terms(*terms, [0.0756, v], 0.01)(t)
+    assert np.abs(sol(t) - true).max() <= 0.1 * rtol * np.abs(true).max()
+    assert sol(1e-9 * sol.t[1], 1)[0] == pytest.approx(v / (1 + near), rel=0.05)
+
+
 def pulse(t, y, p):
     return (1.0 if p[0] <= t < p[0] + 1 / 150 else 0.0) - y
 

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.polynomial.legendre import legder, legint
 
-from ..compiled.delayed_values import JUMPED
+from ..compiled.delayed_values import JUMPED, LAST, LEAST_JUMP
 from ..stepping.dense import Piece, last_start
 from .first_rule import Variable, means_at_nodes
 from .quadrature import legendre_values, through_start, to_legendre
@@ -73,9 +73,11 @@ class FirstPiece(Piece):
 
     def _first_value(self, row: np.ndarray) -> np.ndarray:
         """Return p at the start of a row (d, n), or next to the start if p jumps there, (d,)."""
-        limit = row @ _at_start(self.variable.n)
-        moved = np.abs(limit - self.p) > JUMPED * np.abs(row - self.p[:, None]).max(axis=1)
-        return np.where(moved, limit, self.p)
+        found = row @ to_legendre(self.variable.n).T
+        limit = found @ (-1.0) ** np.arange(self.variable.n)
+        last = JUMPED * np.abs(found[:, -LAST:]).max(axis=1)
+        least = LEAST_JUMP * np.abs(row - self.p[:, None]).max(axis=1)
+        return np.where(np.abs(limit - self.p) > np.maximum(last, least), limit, self.p)
 
     def at_ends(
         self, ends: np.ndarray, chosen: Any, slopes: bool = True
@@ -183,12 +185,6 @@ class PolynomialPieces(Piece):
             return p, steep
         position = self.at_starts[chosen, 0] + h * (rows @ integral)
         return np.where(above_one, position, p), np.where(above_one, p, steep)
-
-
-@lru_cache(maxsize=16)
-def _at_start(n: int) -> np.ndarray:
-    """Return the Lagrange polynomials of the n nodes at the start of a step, (n,)."""
-    return (-1.0) ** np.arange(n) @ to_legendre(n)
 
 
 @lru_cache(maxsize=16)
