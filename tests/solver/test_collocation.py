@@ -148,6 +148,29 @@ def test_jumps_of_the_right_hand_side(alpha, tightest, jumps):
         assert error(sol, after_jumps(alpha, jumps), rtol) <= 1
 
 
+def towards_one(t, y, p):
+    return p[0] * ((1.0 if t >= 1.0 else 0.0) - y)
+
+
+@pytest.mark.parametrize(
+    ("alpha", "rate", "rtol"),
+    [
+        *((0.15, 10.0**k, 1e-8) for k in (3, 6, 9)),
+        *((0.25, 10.0**k, 1e-8) for k in (4, 6, 9)),
+        *((0.5, 1e9, rtol) for rtol in (1e-4, 1e-8)),
+        *((1 + 10.0**-k, 1e6, 1e-4) for k in (4, 6, 8)),
+    ],
+)
+def test_a_jump_completes_if_rounding_of_time_hides_how_y_follows(alpha, rate, rtol):
+    m = math.ceil(alpha)
+    equation = hd.Equation(hd.Caputo(alpha), towards_one, [0.5, 0.0][:m], params=[rate])
+    sol = completed(equation, 2.0, rtol=rtol, breaks=[1.0])
+    before, after = (exact.relaxation(alpha, rate, [[y], [0.0]][:m]) for y in (0.5, 1.0))
+    t = np.concatenate([np.linspace(0.0, 1.0, 50), 1 + np.geomspace(1e-6, 1.0, 50)])
+    true = before(t) + np.where(t[:, None] > 1, 1 - after(np.maximum(t - 1, 0.0)), 0.0)
+    assert np.abs(sol(t) - true).max() <= rtol
+
+
 def test_breaks_keep_the_tolerance_and_are_cheaper_than_none():
     equation = hd.Equation(hd.Caputo(0.5), switched, 1.0, params=[1.0])
     solution, t = after_jumps(0.5, [1.0]), 1 + np.geomspace(1e-12, 2, 300)

@@ -89,10 +89,13 @@ def trials(
         reached = np.asarray(abs(jacobian) @ units)
         if edge_at(system.compiled, just_after, orbit.x[0], units, reached):
             yield from _trials_at_edge(form, most)
-    rates = _decay_rates(jacobian) if smallest < _MAX_BENT_GENERATOR else np.zeros(0)
-    for h in most * TRIAL_LENGTH_RATIO ** np.arange(_BENT_TRIALS if rates.size else 0):
-        c = math.sqrt(rates[0] * rates[-1]) * h**smallest
-        if c >= _LEAST_BENT:
+    tiny, rate = smallest < _MAX_BENT_GENERATOR, 0.0
+    if tiny or (t > 0 and not has_stages(form)):
+        rate = _rate_of_decay(jacobian, most**smallest)
+    if not tiny and rate * np.spacing(t) ** smallest < _LEAST_BENT:
+        rate = 0.0  # rounding of t does not hide the change of the solution
+    for h in most * TRIAL_LENGTH_RATIO ** np.arange(_BENT_TRIALS):
+        if (c := rate * h**smallest) >= _LEAST_BENT:
             yield Trial(h, _bent(form.generators, c))
     order, variables = _plain(form)
     leading = np.where(system.leading == 0, 1.0, np.abs(system.leading))
@@ -133,8 +136,8 @@ def _plain(form: Form) -> tuple[float, list[tuple[tuple[float, ...], Variable, f
     """Return the order of a form, and (generators, variable, rate of terms) of plain trials."""
     # a power with an exponent next to 0 is nearly constant compared with other powers
     others = tuple(g for g in form.generators if g >= VANISHING)
-    kinds = {form.generators, others if others[0] < 1.0 else form.generators}
-    variables = [(own, Variable.of(own), _rate_of_terms(form, own[0])) for own in sorted(kinds)]
+    kinds = sorted({form.generators, others})
+    variables = [(own, Variable.of(own), _rate_of_terms(form, own[0])) for own in kinds]
     return order_of(form), variables
 
 
@@ -156,12 +159,13 @@ def _trials_at_edge(form: Form, most: float) -> Iterator[Trial]:
                 yield Trial(most * TRIAL_LENGTH_RATIO**k, variable, True)
 
 
-def _decay_rates(jacobian: Any) -> np.ndarray:
-    """Return the |eigenvalues| of a Jacobian that are at least 1, ascending."""
+def _rate_of_decay(jacobian: Any, of_time: float) -> float:
+    """Return the geometric mean of the least and largest |eigenvalue| above 1 / of_time, or 0."""
     if not np.isfinite(abs(jacobian).sum()):
-        return np.zeros(0)
+        return 0.0
     rates = np.abs(eigenvalues(jacobian))
-    return np.sort(rates[(rates >= 1) & (rates < np.inf)])
+    rates = rates[(rates * of_time >= 1) & (rates < np.inf)]
+    return math.sqrt(rates.min() * rates.max()) if rates.size else 0.0
 
 
 def _bent(generators: tuple[float, ...], c: float) -> Variable:
