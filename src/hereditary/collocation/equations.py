@@ -219,7 +219,10 @@ def _form_of(system: System) -> Form:
     """Return the integral equations of a system, without a cache."""
     highest = system.highest_orders()
     leading, above_one = system.leading, highest > 1
-    balanced = [_is_implicit(system, c, highest[c]) for c in range(system.d)]
+    balanced = [  # by a term that is no Caputo derivative of constant order
+        not any(term.constant and term.order == highest[c] and a[c] != 0 for term, a in system.left)
+        for c in range(system.d)
+    ]
     bare = [not any(own[c] for _, own in system.left) for c in range(system.d)]
     implicit = np.where(bare, ALGEBRAIC, balanced).astype(np.int64)
     rows: list[_Row] = []
@@ -281,14 +284,6 @@ def _jumping(rows: list[_Row], d: int) -> tuple[tuple[int, int], ...]:
             required = f"not mix orders that vary of {names}, with Collocation"
             refuse("terms", required, " and ".join(map(str, kinds)), "take L1 or ExplicitCaputo")
     return tuple(place for place, kinds in found.items() if not kinds[0].definition.subtracts_start)
-
-
-def _is_implicit(system: System, c: int, highest: float) -> bool:
-    """Return whether no Caputo term of constant order has the highest order of component c."""
-    return not any(
-        operator.constant and operator.order == highest and coefficients[c] != 0
-        for operator, coefficients in system.left
-    )
 
 
 def _place(row: _Row, places: list[Any]) -> int:

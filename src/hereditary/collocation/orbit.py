@@ -238,7 +238,8 @@ class OrbitAndTangents:
         damped = damping(self.bank.rates, self.last_length + distances).conj()
         base += self.before @ self.bank.real_modes(damped, axis=0)
         _, v, weights = graded_rule()
-        log_u, integrands = log_distances - np.log(self.last_length), self._integrands()
+        variable, values = self._nodal()
+        log_u, integrands = log_distances - np.log(self.last_length), values @ at_rule(variable).T
         for row, (c, q, k, coefficient) in enumerate(self._form.listed):
             if k == ITSELF:
                 continue
@@ -277,11 +278,6 @@ class OrbitAndTangents:
         """Return integrand number q at the end of the last step, (1 + k, d)."""
         values = self.last if self._singular is None else self._singular[1]
         return values[:, q, :, -1]
-
-    def _integrands(self) -> np.ndarray:
-        """Return the last step's integrands at n points of `graded_rule`, (1 + k, n_q, d, n)."""
-        variable, values = self._nodal()
-        return values @ at_rule(variable).T
 
     def _nodal(self) -> tuple[Variable, np.ndarray]:
         """Return the last step's variable, maybe time, and its integrands (1 + k, n_q, d, s)."""

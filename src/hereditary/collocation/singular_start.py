@@ -26,7 +26,7 @@ from .stage_solver import has_stages
 # Ratio of the next trial length to the length of a rejected trial step.
 TRIAL_LENGTH_RATIO = 0.25
 # Generator below which time to this power is not small for any possible step. A variable u that is
-# bent by a rate c is tried then.
+# bent by a rate c is tried then, and after t = 0 also where rounding of t hides the change of y.
 _MAX_BENT_GENERATOR = 0.12
 # Rate c from which a variable u is bent.
 _LEAST_BENT = 0.5
@@ -93,7 +93,7 @@ def trials(
     if tiny or (t > 0 and not has_stages(form)):
         rate = _rate_of_decay(jacobian, most**smallest)
     if not tiny and rate * np.spacing(t) ** smallest < _LEAST_BENT:
-        rate = 0.0  # rounding of t does not hide the change of the solution
+        rate = 0.0
     for h in most * TRIAL_LENGTH_RATIO ** np.arange(_BENT_TRIALS):
         if (c := rate * h**smallest) >= _LEAST_BENT:
             yield Trial(h, _bent(form.generators, c))

@@ -76,17 +76,11 @@ def undamped(estimate: float, of_fit: float, moved: float, n_steps: int) -> floa
 
 
 @inner
-def least_size(state, c):
-    """Return the least size of component c: a part of its reach, while it grows."""
-    return SMALL * min(state.reach[c], state.growth[c])
-
-
-@inner
 def raise_to_least(equations, state, sizes):
     """Raise sizes (d,) to their least ones, by those of others; return whether any is still 0."""
     begins = False
     for c in range(sizes.shape[0]):
-        sizes[c] = max(sizes[c], least_size(state, c))
+        sizes[c] = max(sizes[c], SMALL * min(state.reach[c], state.growth[c]))
     for c in range(sizes.shape[0]):
         sizes[c] = max(sizes[c], equations.least[c] * sizes[equations.sources[c]])
         begins = begins or sizes[c] <= LEAST
