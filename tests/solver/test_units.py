@@ -272,6 +272,20 @@ def test_the_unit_of_time_changes_nothing(plain, power, name):
     assert np.all(np.abs(sol(unit * t) - one(t)).max(axis=0) < 1e-6 * np.abs(one(t)).max(axis=0))
 
 
+@pytest.mark.parametrize("how", [{}, {"bandwidth": (0, 0)}])
+@pytest.mark.parametrize("d", [1, 12])
+@pytest.mark.parametrize("order", [0.03, 0.1, 0.5, 1.5])
+def test_nor_does_a_number_by_which_the_equation_is_multiplied(order, d, how):
+    y0, found = np.outer([1.0, 0.0][: int(order) + 1], np.ones(d)), []
+    for factor in (1.0, 1e6, 1e-6):
+        terms = factor * hd.Caputo(order)
+        equation = hd.Equation(terms, lambda t, y, p: -100 * p[0] * y, y0, params=[factor], **how)
+        found.append(completed(equation, 2.0, rtol=1e-8))
+    for sol in found[1:]:
+        np.testing.assert_allclose(sol.y[-1], found[0].y[-1], rtol=0, atol=1e-8)
+        assert abs(sol.stats["n_steps"] - found[0].stats["n_steps"]) <= 1
+
+
 @given(decades=st.lists(st.floats(-14, 14), min_size=3, max_size=3))
 def test_sensitivities_and_exponents_have_no_units(decades):
     scale, found = 10.0 ** np.array(decades), []

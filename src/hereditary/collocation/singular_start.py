@@ -89,17 +89,17 @@ def trials(
         reached = np.asarray(abs(jacobian) @ units)
         if edge_at(system.compiled, just_after, orbit.x[0], units, reached):
             yield from _trials_at_edge(form, most)
-    tiny, rate = smallest < _MAX_BENT_GENERATOR, 0.0
-    if tiny or (t > 0 and not has_stages(form)):
-        rate = _rate_of_decay(jacobian, most**smallest)
+    leading = np.where(system.leading == 0, 1.0, np.abs(system.leading))
+    few, tiny, rate = not has_stages(form), smallest < _MAX_BENT_GENERATOR, 0.0
+    if tiny or (t > 0 and few):
+        rate = _rate_of_decay(jacobian / leading[:, None], most**smallest)
     if not tiny and rate * np.spacing(t) ** smallest < _LEAST_BENT:
         rate = 0.0
     for h in most * TRIAL_LENGTH_RATIO ** np.arange(_BENT_TRIALS):
         if (c := rate * h**smallest) >= _LEAST_BENT:
             yield Trial(h, _bent(form.generators, c))
     order, variables = _plain(form)
-    leading = np.where(system.leading == 0, 1.0, np.abs(system.leading))
-    if has_stages(form):
+    if not few:
         sizes = np.abs(orbit.x[0]) + _SIZE_IF_ZERO * reach
         sizes = np.where(sizes > LEAST, sizes, units)
         speeds = np.where(form.above_one, orbit.p[0], 0.0)
