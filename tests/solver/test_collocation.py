@@ -171,6 +171,12 @@ def test_a_jump_completes_if_rounding_of_time_hides_how_y_follows(alpha, rate, r
     assert np.abs(sol(t) - true).max() <= rtol
 
 
+@pytest.mark.parametrize(("alpha", "rate"), [(1.15, 1e3), (1.2, 1e4), (1.3, 1e5)])
+def test_above_order_1_a_fast_jump_rejects_few_steps(alpha, rate):
+    equation = hd.Equation(hd.Caputo(alpha), towards_one, [0.5, 0.0], params=[rate])
+    assert completed(equation, 2.0, rtol=1e-4, breaks=[1.0]).stats["n_rejected"] <= 3
+
+
 def test_breaks_keep_the_tolerance_and_are_cheaper_than_none():
     equation = hd.Equation(hd.Caputo(0.5), switched, 1.0, params=[1.0])
     solution, t = after_jumps(0.5, [1.0]), 1 + np.geomspace(1e-12, 2, 300)

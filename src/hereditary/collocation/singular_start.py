@@ -26,7 +26,7 @@ from .stage_solver import has_stages
 # Ratio of the next trial length to the length of a rejected trial step.
 TRIAL_LENGTH_RATIO = 0.25
 # Generator below which time to this power is not small for any possible step. A variable u that is
-# bent by a rate c is tried then, and after t = 0 also where rounding of t hides the change of y.
+# bent by a rate c is tried then, and below order 1 also where rounding of t > 0 hides a change of y.
 _MAX_BENT_GENERATOR = 0.12
 # Rate c from which a variable u is bent.
 _LEAST_BENT = 0.5
@@ -91,7 +91,7 @@ def trials(
             yield from _trials_at_edge(form, most)
     leading = np.where(system.leading == 0, 1.0, np.abs(system.leading))
     few, tiny, rate = not has_stages(form), smallest < _MAX_BENT_GENERATOR, 0.0
-    if tiny or (t > 0 and few):
+    if tiny or (t > 0 and few and not form.above_one.any()):
         rate = _rate_of_decay(jacobian / leading[:, None], most**smallest)
     if not tiny and rate * np.spacing(t) ** smallest < _LEAST_BENT:
         rate = 0.0
