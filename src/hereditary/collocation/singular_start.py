@@ -26,7 +26,7 @@ from .stage_solver import has_stages
 # Ratio of the next trial length to the length of a rejected trial step.
 TRIAL_LENGTH_RATIO = 0.25
 # Generator below which time to this power is not small for any possible step. A variable u that is
-# bent by a rate c is tried then, and below order 1 also where rounding of t > 0 hides a change of y.
+# bent by a rate c is tried then; below order 1 also where rounding of t > 0 hides how y changes.
 _MAX_BENT_GENERATOR = 0.12
 # Rate c from which a variable u is bent.
 _LEAST_BENT = 0.5
@@ -160,11 +160,12 @@ def _trials_at_edge(form: Form, most: float) -> Iterator[Trial]:
 
 
 def _rate_of_decay(jacobian: Any, of_time: float) -> float:
-    """Return the geometric mean of the least and largest |eigenvalue| above 1 / of_time, or 0."""
+    """Return the geometric mean of the least and largest eigenvalue that bends u, or 0."""
+    # of_time: the power of the longest step that is multiplied by a rate
     if not np.isfinite(abs(jacobian).sum()):
         return 0.0
     rates = np.abs(eigenvalues(jacobian))
-    rates = rates[(rates * of_time >= 1) & (rates < np.inf)]
+    rates = rates[(rates * of_time >= _LEAST_BENT) & (rates < np.inf)]
     return math.sqrt(rates.min() * rates.max()) if rates.size else 0.0
 
 
