@@ -283,7 +283,8 @@ def test_nor_does_a_number_by_which_the_equation_is_multiplied(order, d, how):
         found.append(completed(equation, 2.0, rtol=1e-8))
     for sol in found[1:]:
         np.testing.assert_allclose(sol.y[-1], found[0].y[-1], rtol=0, atol=1e-8)
-        assert abs(sol.stats["n_steps"] - found[0].stats["n_steps"]) <= 1
+        steps = found[0].stats["n_steps"]
+        assert abs(sol.stats["n_steps"] - steps) <= 1 + 0.1 * steps
 
 
 @given(decades=st.lists(st.floats(-14, 14), min_size=3, max_size=3))
