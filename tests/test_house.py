@@ -44,11 +44,11 @@ def test_files_and_functions_are_small():
 # Most lines of code of each room, without docstrings, comments and blank lines. They only fall: who
 # needs lines takes them from the same room.
 BUDGETS = {
-    "collocation": 5587,
+    "collocation": 5586,
     "given": 3630,
     "solver": 2620,
     "analysis": 2363,
-    "compiled": 2219,
+    "compiled": 2217,
     "top": 1782,
     "equation": 1663,
     "kernels": 1498,

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.polynomial.legendre import legder, legint
 
-from ..compiled.delayed_values import JUMPED, LAST, LEAST_JUMP
+from ..compiled.delayed_values import JUMPED, LAST
 from ..stepping.dense import Piece, last_start
 from .first_rule import Variable, means_at_nodes
 from .quadrature import legendre_values, through_start, to_legendre
@@ -75,9 +75,8 @@ class FirstPiece(Piece):
         """Return p at the start of a row (d, n), or next to the start if p jumps there, (d,)."""
         found = row @ to_legendre(self.variable.n).T
         limit = found @ (-1.0) ** np.arange(self.variable.n)
-        last = JUMPED * np.abs(found[:, -LAST:]).max(axis=1)
-        least = LEAST_JUMP * np.abs(row - self.p[:, None]).max(axis=1)
-        return np.where(np.abs(limit - self.p) > np.maximum(last, least), limit, self.p)
+        moved = np.abs(limit - self.p) > JUMPED * np.abs(found[:, -LAST:]).max(axis=1)
+        return np.where(moved, limit, self.p)
 
     def at_ends(
         self, ends: np.ndarray, chosen: Any, slopes: bool = True

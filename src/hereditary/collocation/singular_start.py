@@ -94,7 +94,7 @@ def trials(
     if tiny or (t > 0 and few and not form.above_one.any()):
         rate = _rate_of_decay(jacobian / leading[:, None], most**smallest)
     if not tiny and rate * np.spacing(t) ** smallest < _LEAST_BENT:
-        rate = 0.0
+        rate = 0.0  # the plain trials below resolve the change
     for h in most * TRIAL_LENGTH_RATIO ** np.arange(_BENT_TRIALS):
         if (c := rate * h**smallest) >= _LEAST_BENT:
             yield Trial(h, _bent(form.generators, c))

@@ -20,9 +20,6 @@ PIECES, USED, FIRST = range(3)
 # its last Legendre coefficients, above which p has jumped at the start; and their number.
 JUMPED = 10.0
 LAST = 4
-# Least jump, as a fraction of the change of p over the step: a solution that begins at 0 keeps its
-# relative accuracy at first times.
-LEAST_JUMP = 1e-10
 # Relative distance of times that rounding makes of one.
 _SAME_TIME = 1e-14
 # Largest number of steps towards the longest step that a delay which varies admits.
@@ -208,15 +205,14 @@ def add_step(delays, rule, steps, row):
                     of_c[1 + k] += legendre[k, i] * mean
             continue
         # the polynomial goes through p at the start, too, unless p jumps there
-        limit, last, change, sign = 0.0, 0.0, 0.0, 1.0
+        limit, last, sign = 0.0, 0.0, 1.0
         for k in range(s):
             for i in range(s):
                 of_c[k] += legendre[k, i] * p[c, i]
             limit += sign * of_c[k]
             sign = -sign
             last = max(last, abs(of_c[k])) if k >= s - LAST else 0.0
-            change = max(change, abs(p[c, k] - p_start[c]))
-        if abs(limit - p_start[c]) <= max(JUMPED * last, LEAST_JUMP * change):
+        if abs(limit - p_start[c]) <= JUMPED * last:
             part = 0.5 * sign * (p_start[c] - limit)
             of_c[s] += part
             of_c[s - 1] -= part
