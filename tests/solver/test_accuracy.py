@@ -281,6 +281,8 @@ class Pressed:
 @pytest.mark.filterwarnings("ignore::hereditary.PythonFunctionWarning")
 def test_ctrl_c_ends_a_loop_of_runs_and_keeps_the_finished_one(monkeypatch):
     eq = hd.Equation(hd.Caputo(0.8), Pressed(), 1.0)
+    # all steps in one part of the run, however long a call takes: a run ends between its parts
+    monkeypatch.setattr("hereditary.given.fixed_stepper._SECONDS_PER_CALL", 60.0)
     calls = []
     for estimate in (False, True):
         monkeypatch.setattr(Pressed, "calls", 0)
