@@ -5,7 +5,7 @@ for orders above 1; a piece's `above_one` (d,) is true for these components.
 """
 
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cached_property, lru_cache
 from typing import Any
 
 import numpy as np
@@ -52,13 +52,12 @@ class FirstPiece(Piece):
         with np.errstate(divide="ignore"):
             values = legendre_values(self._x(np.log(t)), self.variable.n).T
         if not derivative:
-            p = self._first_value(self.row) + self._change(self.row, values)
+            p = self._first + self._change(self.row, values)
             p[t == 0.0] = self.p
             if not self.above_one.any():
                 return p
             # y is the integral of p: t times the mean of p
-            row = self.row @ means_at_nodes(self.variable).T
-            means = self._first_value(row) + self._change(row, values)
+            means = self._change(self.row @ means_at_nodes(self.variable).T, values) + self._first
             return np.where(self.above_one, self.y + self.length * t[:, None] * means, p)
         slopes = self._slopes(np.maximum(t, _MIN_SLOPE_TIME))
         if (t == 0.0).any():
@@ -67,13 +66,14 @@ class FirstPiece(Piece):
             rounded = _ROUNDING_OF_SLOPE * np.abs(self.row).max(axis=1) / self.length
             steep = np.abs(before) > _INFINITE_SLOPE_GROWTH * np.abs(after) + rounded
             slopes[t == 0.0] = np.where(steep, np.copysign(np.inf, before), line)
-        speeds = self._first_value(self.row) + self._change(self.row, values)
+        speeds = self._first + self._change(self.row, values)
         speeds[t == 0.0] = self.p
         return np.where(self.above_one, speeds, slopes)
 
-    def _first_value(self, row: np.ndarray) -> np.ndarray:
-        """Return p at the start of a row (d, n), or next to the start if p jumps there, (d,)."""
-        found = row @ to_legendre(self.variable.n).T
+    @cached_property
+    def _first(self) -> np.ndarray:
+        """Value of p at the start, or next to the start if p jumps there, (d,)."""
+        found = self.row @ to_legendre(self.variable.n).T
         limit = found @ (-1.0) ** np.arange(self.variable.n)
         moved = np.abs(limit - self.p) > JUMPED * np.abs(found[:, -LAST:]).max(axis=1)
         return np.where(moved, limit, self.p)
@@ -90,7 +90,7 @@ class FirstPiece(Piece):
             y = np.where(above_one, self.y + self.length * mean, p)
         if slopes and not above_one.all():
             weights = _end_weights(n)[1] * (self.variable.slopes(np.ones(1)) / self.length)
-            steep = (self.row - self._first_value(self.row)[:, None]) @ weights
+            steep = (self.row - self._first[:, None]) @ weights
         return y[None][chosen], np.where(above_one, p, steep)[None][chosen]
 
     def _x(self, logs: np.ndarray) -> np.ndarray:
@@ -100,7 +100,7 @@ class FirstPiece(Piece):
     def _change(self, row: np.ndarray, polynomials: np.ndarray) -> np.ndarray:
         """Return p minus its start, (k, d), from a row (d, n) and polynomials (k, n + 1)."""
         weights = (polynomials @ through_start(self.variable.n))[:, 1:]
-        return weights @ (row - self._first_value(row)[:, None]).T
+        return weights @ (row - self._first[:, None]).T
 
     def _slopes(self, t: np.ndarray) -> np.ndarray:
         """Return the slopes of p at times t above 0, in units of 1 / length of the step, (k, d)."""
