@@ -49,7 +49,7 @@ BUDGETS = {
     "solver": 2620,
     "analysis": 2363,
     "compiled": 2217,
-    "top": 1782,
+    "top": 1780,
     "equation": 1663,
     "kernels": 1498,
     "functions": 888,

@@ -24,9 +24,12 @@ def precompile() -> int:
     """Compile the loops that take seconds into the cache on disk; return the number of runs."""
     # Not those that take at most a second each: SuperLU's solvers, direct sums on meshes and of
     # orders that vary, memory terms of other programs, the divergence of orbits.
-    spawn = multiprocessing.get_context("spawn")
+    spawn, n_runs = multiprocessing.get_context("spawn"), 0
     with ProcessPoolExecutor(2, mp_context=spawn) as processes:
-        return sum(processes.map(_run_all, (_by_tolerance, _on_given_steps)))
+        # the second pair of lists finds the loops of the first one in the cache
+        for pair in (_by_tolerance, _on_given_steps), (_stages, _analyses):
+            n_runs += sum(processes.map(_run_all, pair))
+    return n_runs
 
 
 def precompile_into(folder: str) -> None:
@@ -61,18 +64,11 @@ def _few_and_many() -> tuple[hd.Equation, hd.Equation, hd.Equation]:
 
 def _composed() -> tuple[hd.Equation, hd.Equation]:
     """Return equations with a given Jacobian: of few components and a delay, of many and a band."""
-    by_y, by_memory = (
-        (lambda t, y, memory: np.zeros((1, 1))),
-        (lambda t, y, memory: -np.ones((1, 1))),
-    )
     late = hd.Equation(
-        hd.Caputo(0.9),
-        lambda t, y, memory: -memory[0],
-        1.0,
-        jac=by_y,
-        jac_memory=by_memory,
-        memory=hd.Delay(0.5),
-    )
+        hd.Caputo(0.9), lambda t, y, memory: -memory[0], 1.0, memory=hd.Delay(0.5),
+        jac=lambda t, y, memory: np.zeros((1, 1)),
+        jac_memory=lambda t, y, memory: -np.ones((1, 1)),
+    )  # fmt: skip
     diagonal = -np.ones((1, _COMPONENTS_ABOVE_FEW))
     return late, _equation(
         0.5, np.ones(_COMPONENTS_ABOVE_FEW), bandwidth=(0, 0), jac=lambda t, y: diagonal
@@ -80,30 +76,30 @@ def _composed() -> tuple[hd.Equation, hd.Equation]:
 
 
 def _by_tolerance() -> list[Callable[[], Any]]:
-    """List short runs that call all compiled loops of `rtol=`, and the functions of its march."""
+    """Return a run of the march of `rtol=`, which compiles as long as all of given steps."""
+    return [partial(hd.solve, _equation(0.5), 1.0, rtol=1e-4)]
+
+
+def _stages() -> list[Callable[[], Any]]:
+    """List short runs that call what else the march of `rtol=` calls."""
     wave, orders = np.ones(_COMPONENTS_ABOVE_FEW), np.linspace(0.5, 0.9, _COMPONENTS_ABOVE_FEW)
     one, *many = _few_and_many()
+    late, given = _composed()
     swinging = hd.Memory(hd.Prony([1.0 - 3.0j, 1.0 + 3.0j], [0.5, 0.5]), 0)
     equations = [
-        one,
         *many,
-        *_composed(),
+        late,
+        given,
         _equation(orders, wave),
         _equation(orders, wave, bandwidth=(0, 0)),
         _equation(lambda t: 0.5 + 0.0 * t),
         _equation(0.5, jac=lambda t, y: -np.ones((1, 1))),
         hd.Equation(hd.Caputo(1.0) + swinging, lambda t, y: -y, 1.0),
     ]
-    runs = [partial(hd.solve, equation, 1.0, rtol=1e-4) for equation in equations]
-    force = [hd.Caputo(2.0), hd.Caputo(1.0)], lambda t, y, p: -y + np.cos(p[0] * t), [0.0, 0.0]
-    swing, late = hd.Equation(*force, params=[1.0]), _composed()[0]
     return [
-        *runs,
+        *(partial(hd.solve, equation, 1.0, rtol=1e-4) for equation in equations),
         partial(hd.solve, one, 1.0, rtol=1e-4, switches=[_beyond]),
         partial(hd.solve, late, 1.0, rtol=1e-4, events=[_late]),
-        partial(hd.ensemble, one, 1.0, rtol=1e-4, y0=[1.0, 2.0]),
-        partial(hd.lyapunov, one, 1.0, rtol=1e-4),
-        partial(hd.frequency_response, swing, [1.0]),
     ]
 
 
@@ -116,7 +112,7 @@ def _late(t: float, y: np.ndarray, memory: np.ndarray) -> float:
 
 
 def _on_given_steps() -> list[Callable[[], Any]]:
-    """List short runs that call all other compiled loops."""
+    """List short runs that call all loops of given steps."""
     (one, dense, band), varying = _few_and_many(), _equation(lambda t: 0.5 + 0.0 * t)
     linear = _equation(0.5, np.ones(_COMPONENTS_ABOVE_FEW), linear=-np.eye(_COMPONENTS_ABOVE_FEW))
     steps, explicit, implicit = {"n_steps": 40}, hd.ExplicitCaputo(), hd.L1()
@@ -129,11 +125,20 @@ def _on_given_steps() -> list[Callable[[], Any]]:
         (linear, steps | {"scheme": hd.IMEX(hd.BDF(2))}),
     ]
     return [
-        *(
-            partial(hd.solve, equation, 1.0, estimate=False, **arguments)
-            for equation, arguments in runs
-        ),
+        partial(hd.solve, equation, 1.0, estimate=False, **arguments)
+        for equation, arguments in runs
+    ]
+
+
+def _analyses() -> list[Callable[[], Any]]:
+    """List ensembles and analyses that call all other compiled loops."""
+    force = [hd.Caputo(2.0), hd.Caputo(1.0)], lambda t, y, p: -y + np.cos(p[0] * t), [0.0, 0.0]
+    one, swing = _equation(0.5), hd.Equation(*force, params=[1.0])
+    return [
+        partial(hd.ensemble, one, 1.0, rtol=1e-4, y0=[1.0, 2.0]),
         partial(hd.ensemble, one, 1.0, 40, y0=[1.0, 2.0]),
+        partial(hd.lyapunov, one, 1.0, rtol=1e-4),
         partial(hd.lyapunov, one, 1.0, 40),
         partial(hd.lyapunov, one, 1.0, 40, scheme=hd.BDF(2)),
+        partial(hd.frequency_response, swing, [1.0]),
     ]

@@ -479,25 +479,25 @@ def _jumps_between(right: Any, times: np.ndarray, states: np.ndarray) -> bool:
     """Return whether f jumps on a line between two consecutive states (n, d)."""
     # the half of the line on which f changes more is halved again: that of a continuous f vanishes
     (n, d), force = states.shape, right.force
-    f, middle, f_of_middle, least = np.empty((n, d)), np.empty(d), np.empty(d), np.full(d, LEAST)
+    f, least = np.empty((n, d)), np.full(d, LEAST)
     for i in range(n):
         set_force(force, times[i], states[i], f[i])
     for c in range(d):
         least[c] += _SMALLEST * np.abs(f[:, c]).max()
     for i in range(n - 1):
-        a, b, f_a, f_b = states[i].copy(), states[i + 1].copy(), f[i], f[i + 1].copy()
+        a, b, f_a, f_b = states[i], states[i + 1], f[i], np.empty(d)
         set_force(force, times[i], b, f_b)  # at the same time
         left, change = _HALVINGS_BETWEEN_STATES, (np.abs(f_b - f_a) / least).max()
         while left > 0 and change > 1.0:
             left -= 1
-            middle[:] = (a + b) / 2
+            middle, f_of_middle = (a + b) / 2, np.empty(d)
             set_force(force, times[i], middle, f_of_middle)
             before = (np.abs(f_of_middle - f_a) / least).max()
             change = (np.abs(f_b - f_of_middle) / least).max()
             if before > change:
-                b[:], f_b[:], change = middle, f_of_middle, before
+                b, f_b, change = middle, f_of_middle, before
             else:
-                a[:], f_a[:] = middle, f_of_middle
+                a, f_a = middle, f_of_middle
         if change > 1.0:
             return True
     return False
