@@ -13,7 +13,7 @@ import numpy as np
 from ..compiled.functions import set_force
 from ..compiled.jacobian import LEAST, magnitudes
 from ..compiled.jit import F8, VEC, entry, inner
-from ..compiled.linalg import clear_matrix, solve_in_place
+from ..compiled.linalg import clear_matrix, put, solve_in_place
 from ..compiled.signatures import RIGHT_SIDE
 from .newton import factorise_newton, forces, positions, residuals, solve_newton
 from .operators import FORCE, POSITION, PRIMARY
@@ -236,8 +236,7 @@ def set_primary(m, h, x, p):
     matrix, slopes = np.empty((s, s)), np.empty(s)
     for c in range(d):
         if above_one[c] == 0:
-            for i in range(s):
-                p[c, i] = x[c, i]
+            put(x[c], p[c])
             continue
         for i in range(s):
             node = m.rule.nodes[i]
@@ -245,5 +244,4 @@ def set_primary(m, h, x, p):
             for j in range(s):
                 matrix[i, j] = integral[i, j] / node
         solve_in_place(matrix, slopes)
-        for i in range(s):
-            p[c, i] = slopes[i]
+        put(slopes, p[c])

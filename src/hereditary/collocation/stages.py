@@ -413,12 +413,13 @@ def stage_matrix(stage, h, jacobians, at_nodes, out):
                 force, primary, place = kind[FORCE, i], kind[PRIMARY, i], kind[POSITION, i]
                 for j in range(s if above_one[kinds[e]] == 0 else 0):
                     row[j] = -force[j] * at_nodes[j] - own * (place[j] + primary[j])
-                for j in range(s if above_one[kinds[e]] == 1 else 0):
-                    total = 0.0
-                    for k in range(s):
-                        total += (force[k] * at_nodes[k] + own * place[k]) * integral[k, j]
-                    row[j] = -h * total - own * primary[j]
                 if above_one[kinds[e]] == 1:
+                    for j in range(s):
+                        row[j] = -own * primary[j]
+                    for k in range(s):
+                        factor = h * (force[k] * at_nodes[k] + own * place[k])
+                        for j in range(s):
+                            row[j] -= factor * integral[k, j]
                     row[i] += own
                 elif c == e:  # in an algebraic row the bracket is exactly 0
                     row[i] = (1.0 - (place[i] + primary[i])) - force[i] * at_nodes[i]

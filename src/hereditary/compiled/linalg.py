@@ -40,31 +40,25 @@ def clear(out):
 def clear_matrix(out):
     """Set a matrix to 0."""
     for i in range(out.shape[0]):
-        for j in range(out.shape[1]):
-            out[i, j] = 0.0
+        clear(out[i])
 
 
 @inner
 def put_matrix(values, out):
     """Copy the matrix `values` to `out`."""
     for i in range(out.shape[0]):
-        for j in range(out.shape[1]):
-            out[i, j] = values[i, j]
+        put(values[i], out[i])
 
 
 @inner
 def put_cube(values, out):
     """Copy the array `values`, which has three axes, to `out`."""
     for i in range(out.shape[0]):
-        for j in range(out.shape[1]):
-            for k in range(out.shape[2]):
-                out[i, j, k] = values[i, j, k]
+        put_matrix(values[i], out[i])
 
 
-# Number of unknowns from which `substitute` uses `dot`, whose sums the compiler may reorder: below
-# it plain loops take less time.
-_MIN_UNKNOWNS_FOR_DOT = 40
-# Number of columns that `factorise` eliminates at once; `subtract_rows` is written for this number.
+# Number of columns that `factorise` eliminates at once, and of rows that `substitute` solves for at
+# once; `subtract_rows` and `dots` are written for this number.
 _PANEL = 4
 # Number of unknowns from which LAPACK factorises in less time than the loops here. For smaller
 # matrices LAPACK would use threads too, and wait milliseconds for them if the cores are busy.
@@ -115,9 +109,8 @@ def factorise(a, order):
         if not factorise_columns(a, order, first, last):
             return False
         for j in range(first, last):
-            top = a[j]
             for i in range(j + 1, last):
-                row, factor = a[i], a[i, j]
+                row, top, factor = a[i], a[j], a[i, j]
                 for k in range(last, n):
                     row[k] -= factor * top[k]
         if last < n:  # then there are exactly _PANEL columns
@@ -134,15 +127,15 @@ def factorise_columns(a, order, first, last):
         for i in range(j + 1, n):
             if abs(a[i, j]) > abs(a[pivot, j]):
                 pivot = i
-        if not 0.0 < abs(a[pivot, j]) < np.inf:
+        inverse = 1.0 / a[pivot, j]
+        if not 0.0 < abs(inverse) < np.inf:
             return False
         if pivot != j:
             order[j], order[pivot] = order[pivot], order[j]
             for k in range(n):
                 a[j, k], a[pivot, k] = a[pivot, k], a[j, k]
         for i in range(j + 1, n):
-            a[i, j] /= a[j, j]
-            factor = a[i, j]
+            factor = a[i, j] = a[i, j] * inverse
             for k in range(j + 1, last):
                 a[i, k] -= factor * a[j, k]
     return True
@@ -242,27 +235,42 @@ def dot(row, x, first, end):
     return total
 
 
-@inner
+@inner(reorders=True)
+def dots(rows, x, first, end):
+    """Return the dot products, as `dot`, of _PANEL consecutive rows with x."""
+    a, b, c, d = rows[0, first:end], rows[1, first:end], rows[2, first:end], rows[3, first:end]
+    of_a, of_b, of_c, of_d, part = 0.0, 0.0, 0.0, 0.0, x[first:end]
+    for k in range(part.shape[0]):
+        of_a, of_b = of_a + a[k] * part[k], of_b + b[k] * part[k]
+        of_c, of_d = of_c + c[k] * part[k], of_d + d[k] * part[k]
+    return of_a, of_b, of_c, of_d
+
+
+@inner(fuses=True)
 def substitute(factors, order, b, x):
     """Solve a x = b with the factors and the row order that `factorise` made of a."""
     # shapes: factors (n, n), order (n,), b (n,), x (n,)
-    n = b.shape[0]
-    if n >= _MIN_UNKNOWNS_FOR_DOT:
-        for i in range(n):
-            x[i] = b[int(order[i])] - dot(factors[i], x, 0, i)
-        for i in range(n - 1, -1, -1):
-            x[i] = (x[i] - dot(factors[i], x, i + 1, n)) / factors[i, i]
-        return
-    for i in range(n):
-        total = b[int(order[i])]
-        for k in range(i):
-            total -= factors[i, k] * x[k]
-        x[i] = total
-    for i in range(n - 1, -1, -1):
-        total = x[i]
-        for k in range(i + 1, n):
-            total -= factors[i, k] * x[k]
-        x[i] = total / factors[i, i]
+    # _PANEL rows at once: the sum of a single row waits for each of its additions
+    n, alone = b.shape[0], b.shape[0] % _PANEL
+    for i in range(alone):
+        x[i] = b[int(order[i])] - dot(factors[i], x, 0, i)
+    for i in range(alone, n, _PANEL):
+        x[i], x[i + 1], x[i + 2], x[i + 3] = dots(factors[i:], x, 0, i)
+        for k in range(i, i + _PANEL):
+            total = b[int(order[k])] - x[k]
+            for e in range(i, k):
+                total -= factors[k, e] * x[e]
+            x[k] = total
+    for i in range(n - _PANEL, alone - 1, -_PANEL):
+        p, q, r, s = dots(factors[i:], x, i + _PANEL, n)
+        x[i], x[i + 1], x[i + 2], x[i + 3] = x[i] - p, x[i + 1] - q, x[i + 2] - r, x[i + 3] - s
+        for k in range(i + _PANEL - 1, i - 1, -1):
+            total = x[k]
+            for e in range(k + 1, i + _PANEL):
+                total -= factors[k, e] * x[e]
+            x[k] = total * (1.0 / factors[k, k])
+    for i in range(alone - 1, -1, -1):
+        x[i] = (x[i] - dot(factors[i], x, i + 1, n)) * (1.0 / factors[i, i])
 
 
 @compiled
@@ -279,15 +287,12 @@ def dense_solver(task, number, matrix, x, linear):
     n = x.shape[0]
     factors, order = linear.factors[number, :n], linear.factors[number, n]
     if task == FACTORISE:
-        for i in range(n):
-            for k in range(n):
-                factors[i, k] = matrix[i, k]
+        put_matrix(matrix, factors)
         if linear.lapack != 0:
             return 0 if factorise_large(factors, order, linear.lapack) else 1
         return 0 if factorise(factors, order) else 1
     right = linear.factors[number, n + 1]
-    for i in range(n):
-        right[i] = x[i]
+    put(x, right)
     substitute(factors, order, right, x)
     return 0
 
