@@ -95,7 +95,7 @@ def trials(
         rate = _rate_of_decay(jacobian / leading[:, None], most**smallest)
     if not tiny and rate * np.spacing(t) ** smallest < _LEAST_BENT:
         rate = 0.0  # the plain trials below resolve the change
-    for h in most * TRIAL_LENGTH_RATIO ** np.arange(_BENT_TRIALS):
+    for h in most * TRIAL_LENGTH_RATIO ** np.arange(_BENT_TRIALS if rate > 0.0 else 0):
         if (c := rate * h**smallest) >= _LEAST_BENT:
             yield Trial(h, _bent(form.generators, c))
     order, variables = _plain(form)

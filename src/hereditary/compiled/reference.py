@@ -227,17 +227,15 @@ def _form(kind) -> list[Any]:
 def _check(record, entries):
     """Raise TypeError if a field of a NamedTuple does not fit its entry in the list of `_form`."""
     for value, (name, wanted, key, like) in zip(record, entries, strict=True):
-        if type(like) is list:
-            if type(value) is not key:
-                _check(value, like)
-            continue
-        if key is None:
-            fits = type(value) in like or isinstance(value, like)
-        elif type(key) is str:
-            attribute = getattr(value, key, None)
-            fits = attribute is like or attribute == like
-        else:
-            fits = type(value) is np.ndarray and value.ndim == like and value.flags.c_contiguous
+        if type(value) is np.ndarray:  # most fields
+            fits = value.ndim == like and value.flags.c_contiguous
             fits = fits and (value.dtype is key or value.dtype == key)
+        elif type(like) is list:
+            fits = type(value) is key or _check(value, like) is None
+        elif key is None:
+            fits = type(value) in like or isinstance(value, like)
+        else:
+            attribute = getattr(value, key, None) if type(key) is str else None
+            fits = attribute is like or attribute == like
         if not fits:
             raise TypeError(f"{name} must be of type {wanted}, not {value!r}")

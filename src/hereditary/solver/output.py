@@ -124,7 +124,7 @@ class Output:
         # next to a singular start steps may be so short that both ends have the same rounded time
         chosen = reached & (edges[1:] > edges[:-1])
         if self._every == 1:
-            return chosen
+            return slice(None) if chosen.all() else chosen
         return chosen & (np.arange(first, first + chosen.size) % self._every == 0)
 
     def _take_wanted(self, piece: Piece) -> None:
