@@ -62,8 +62,10 @@ def test_systems_of_any_size_are_solved_to_rounding(n):
 @pytest.mark.parametrize("column", [0, 1, -1])
 def test_a_matrix_without_a_finite_pivot_has_no_factors(n, column):
     a, b, x, order = np.eye(n) + np.tri(n) / (2 * n), np.ones(n), np.empty(n), np.empty(n)
-    assert solved(a.copy(), order, b, x)
-    for bad in (0.0, np.nan, np.inf):
+    for unit in (1e-290, 1.0, 1e290):
+        assert solved(unit * a, order, b, x)
+        np.testing.assert_allclose(a @ (unit * x), b, rtol=1e-13)
+    for bad in (0.0, 1e-310, np.nan, np.inf):
         a[:, min(column, n - 1)] = bad
         assert not solved(a.copy(), order, b, x), bad
 

@@ -99,7 +99,7 @@ def solve_in_place(a, b):
 @inner
 def factorise(a, order):
     """Replace a by its LU factors, with partial pivoting; return whether this succeeded."""
-    # row i of L U is row order[i] of a; False if a pivot is 0 or not finite
+    # row i of L U is row order[i] of a; False if a pivot is beyond 1e300, below 1e-300 or NaN
     # shapes for n unknowns: a (n, n), order (n,)
     n = a.shape[0]
     for i in range(n):
@@ -127,9 +127,9 @@ def factorise_columns(a, order, first, last):
         for i in range(j + 1, n):
             if abs(a[i, j]) > abs(a[pivot, j]):
                 pivot = i
-        inverse = 1.0 / a[pivot, j]
-        if not 0.0 < abs(inverse) < np.inf:
+        if not 1.0 / LARGEST < abs(a[pivot, j]) < LARGEST:  # then 1 / pivot is accurate
             return False
+        inverse = 1.0 / a[pivot, j]
         if pivot != j:
             order[j], order[pivot] = order[pivot], order[j]
             for k in range(n):
