@@ -48,7 +48,7 @@ BUDGETS = {
     "given": 3630,
     "solver": 2620,
     "analysis": 2363,
-    "compiled": 2217,
+    "compiled": 2212,
     "top": 1780,
     "equation": 1663,
     "kernels": 1498,

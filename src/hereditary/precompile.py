@@ -76,7 +76,7 @@ def _composed() -> tuple[hd.Equation, hd.Equation]:
 
 
 def _by_tolerance() -> list[Callable[[], Any]]:
-    """Return a run of the march of `rtol=`, which compiles as long as all of given steps."""
+    """List a run of the march of `rtol=`: it takes as long as all loops of given steps."""
     return [partial(hd.solve, _equation(0.5), 1.0, rtol=1e-4)]
 
 

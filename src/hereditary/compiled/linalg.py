@@ -24,7 +24,7 @@ def largest_of(values, first, many):
     """Return the largest of `many` absolute values from index `first` on; NaN if one is NaN."""
     largest = 0.0
     for i in range(first, first + many):
-        if not abs(values[i]) <= largest:
+        if abs(values[i]) > largest or np.isnan(values[i]):
             largest = abs(values[i])
     return largest
 
@@ -60,6 +60,9 @@ def put_cube(values, out):
 # Number of columns that `factorise` eliminates at once, and of rows that `substitute` solves for at
 # once; `subtract_rows` and `dots` are written for this number.
 _PANEL = 4
+# Smallest pivot. The reciprocals of smaller ones, and of those beyond its reciprocal, are infinite
+# or inaccurate.
+_LEAST_PIVOT = 1e-308
 # Number of unknowns from which LAPACK factorises in less time than the loops here. For smaller
 # matrices LAPACK would use threads too, and wait milliseconds for them if the cores are busy.
 _LAPACK = 400
@@ -99,7 +102,7 @@ def solve_in_place(a, b):
 @inner
 def factorise(a, order):
     """Replace a by its LU factors, with partial pivoting; return whether this succeeded."""
-    # row i of L U is row order[i] of a; False if a pivot is beyond 1e300, below 1e-300 or NaN
+    # row i of L U is row order[i] of a; False if a pivot is 0, NaN, or its reciprocal inaccurate
     # shapes for n unknowns: a (n, n), order (n,)
     n = a.shape[0]
     for i in range(n):
@@ -127,7 +130,7 @@ def factorise_columns(a, order, first, last):
         for i in range(j + 1, n):
             if abs(a[i, j]) > abs(a[pivot, j]):
                 pivot = i
-        if not 1.0 / LARGEST < abs(a[pivot, j]) < LARGEST:  # then 1 / pivot is accurate
+        if not _LEAST_PIVOT < abs(a[pivot, j]) < 1.0 / _LEAST_PIVOT:
             return False
         inverse = 1.0 / a[pivot, j]
         if pivot != j:
@@ -169,7 +172,7 @@ def factorise_large(a, order, lapack):
         k = numbers[2 + i] - 1
         order[i], order[k] = order[k], order[i]
     for i in range(n):
-        if not 0.0 < abs(a[i, i]) < np.inf:
+        if not _LEAST_PIVOT < abs(a[i, i]) < 1.0 / _LEAST_PIVOT:
             return False
     return numbers[1] == 0
 
@@ -182,19 +185,13 @@ def address_of_factors(n):
 @inner
 def all_finite(x):
     """Return whether all components of x are finite."""
-    for c in range(x.shape[0]):  # noqa: SIM110 (numba takes no generator here)
-        if not abs(x[c]) < np.inf:
-            return False
-    return True
+    return largest_of(x, 0, x.shape[0]) < np.inf
 
 
 @inner
 def bounded(x):
     """Return whether all components of x are finite and below `LARGEST` in size."""
-    for c in range(x.shape[0]):  # noqa: SIM110 (numba takes no generator here)
-        if not abs(x[c]) < LARGEST:
-            return False
-    return True
+    return largest_of(x, 0, x.shape[0]) < LARGEST
 
 
 @inner
