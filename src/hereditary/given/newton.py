@@ -314,13 +314,12 @@ def set_matrix(m, row_factors, out):
             out[VALUES, k] = value * row_factors[i]
         return
     for i in range(n):
+        row, factor = out[i], row_factors[i]  # a power of 2, whose products are exact
         for k in range(n):
-            out[i, k] = 0.0
+            row[k] = 0.0
         for k in range(n if i < d else 0):
-            out[i, sources[k]] -= gain[k] * lead[i] * j_f[i, k]
-        out[i, i] += scale[i] if i < d else 1.0
-        for k in range(n if i < d else 0):
-            out[i, k] *= row_factors[i]
+            row[sources[k]] -= gain[k] * (lead[i] * factor) * j_f[i, k]
+        row[i] += scale[i] * factor if i < d else 1.0
 
 
 @inner
