@@ -44,7 +44,7 @@ def test_files_and_functions_are_small():
 # Most lines of code of each room, without docstrings, comments and blank lines. They only fall: who
 # needs lines takes them from the same room.
 BUDGETS = {
-    "collocation": 5586,
+    "collocation": 5585,
     "given": 3629,
     "solver": 2620,
     "analysis": 2363,
