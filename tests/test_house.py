@@ -45,7 +45,7 @@ def test_files_and_functions_are_small():
 # needs lines takes them from the same room.
 BUDGETS = {
     "collocation": 5585,
-    "given": 3629,
+    "given": 3628,
     "solver": 2620,
     "analysis": 2363,
     "compiled": 2212,

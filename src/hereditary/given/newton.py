@@ -315,8 +315,7 @@ def set_matrix(m, row_factors, out):
         return
     for i in range(n):
         row, factor = out[i], row_factors[i]  # a power of 2, whose products are exact
-        for k in range(n):
-            row[k] = 0.0
+        clear(row)
         for k in range(n if i < d else 0):
             row[sources[k]] -= gain[k] * (lead[i] * factor) * j_f[i, k]
         row[i] += scale[i] * factor if i < d else 1.0
